@@ -1,0 +1,75 @@
+"""Checks of equivariance and invariance, for our tests and for anyone's new layer."""
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+Map = Callable[[Tensor], Tensor]
+
+
+class EquivarianceError(AssertionError):
+    """Raised by the assertions: how far apart the two sides are (``error``, relative)."""
+
+    def __init__(self, claim: str, error: float, tolerance: float) -> None:
+        super().__init__(f"{claim}: relative error {error:.3g}, tolerance {tolerance:.3g}")
+        self.error = error
+
+
+def relative_error(actual: Tensor, expected: Tensor) -> float:
+    """‖actual - expected‖ / ‖expected‖ over all elements."""
+    difference = torch.linalg.vector_norm((actual - expected).double())
+    return float(difference / torch.linalg.vector_norm(expected.double()).clamp_min(1e-30))
+
+
+def assert_equivariant(
+    function: Map,
+    x: Tensor,
+    act_in: Map,
+    act_out: Map,
+    tolerance: float = 1e-5,
+    claim: str = "f(g x) = g f(x)",
+) -> float:
+    """Assert function(act_in(x)) = act_out(function(x)); returns the relative error measured."""
+    with torch.no_grad():
+        error = relative_error(function(act_in(x)), act_out(function(x)))
+    if not error <= tolerance:  # also catches NaN
+        raise EquivarianceError(claim, error, tolerance)
+    return error
+
+
+def assert_invariant(
+    function: Map, x: Tensor, act_in: Map, tolerance: float = 1e-5, claim: str = "f(g x) = f(x)"
+) -> float:
+    """Assert function(act_in(x)) = function(x); returns the relative error measured."""
+    return assert_equivariant(function, x, act_in, lambda y: y, tolerance, claim)
+
+
+def assert_theta_equivariant(
+    function: Map, x: Tensor, shift: int, shift_out: int | None = None, tolerance: float = 1e-5
+) -> float:
+    """Assert that rolling the rows (axis -2) by ``shift`` rolls the output's by ``shift_out``.
+
+    ``shift_out`` is ``shift`` by default. A network with pooling of total stride s holds this
+    for multiples of s only.
+    """
+    out = shift if shift_out is None else shift_out
+    return assert_equivariant(
+        function,
+        x,
+        lambda t: t.roll(shift, dims=-2),
+        lambda t: t.roll(out, dims=-2),
+        tolerance,
+        f"a shift of {shift} rows of θ gives a shift of {out}",
+    )
+
+
+def assert_tau_invariant(function: Map, x: Tensor, shift: int, tolerance: float = 1e-5) -> float:
+    """Assert that rolling the columns (axis -1) by ``shift`` leaves the output unchanged."""
+    return assert_invariant(
+        function,
+        x,
+        lambda t: t.roll(shift, dims=-1),
+        tolerance,
+        f"a shift of {shift} bins of τ changes nothing",
+    )

@@ -1,0 +1,219 @@
+"""Rasters on disk, keyed by everything that made them.
+
+One SQLite file holds all: its transactions make a kill in mid-write and a second process
+harmless. A row is found by the raster's settings and the scan's path, and counts only while the
+scan file has the size and time of change it had then. A BEV of 120 x 120 cells takes 1.8 kB.
+"""
+
+import hashlib
+import json
+import sqlite3
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from deepring.core.rasters import Raster, raster_settings
+from deepring.core.rigid import turn_points
+from deepring.data.scan import Session
+from deepring.errors import BrokenScanError, DeepringError
+
+#: Raise when a change in the code changes the images that the same settings make.
+RASTER_VERSION = 1
+
+Progress = Callable[[int, int], None]
+"""Called with the number of scans done and their total."""
+
+#: Scans a transaction: what a kill can lose, and how long a second process waits.
+BATCH = 64
+
+
+@dataclass(frozen=True, eq=False)
+class ScanSet:
+    """Some scans of a session, in order, as a method is to see them.
+
+    ``ground_z`` is the z of the ground under the sensor in the scan's frame (metres); ``yaws``
+    (n,) radians turn each scan before it is drawn, None leaves them as they are.
+    """
+
+    session: Session
+    indices: NDArray[np.int64]
+    ground_z: float = 0.0
+    yaws: NDArray[np.float64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """World positions (n, 2), metres."""
+        return self.session.positions[self.indices]
+
+    @property
+    def ground_truth(self) -> NDArray[np.float64]:
+        """Ground-truth positions (n, 2), as the dataset writes them."""
+        return self.session.ground_truth[self.indices]
+
+    def subset(self, keep: NDArray[np.bool_]) -> "ScanSet":
+        """The scans where ``keep`` (n,) holds."""
+        yaws = None if self.yaws is None else self.yaws[keep]
+        return ScanSet(self.session, self.indices[keep], self.ground_z, yaws)
+
+    def draw(self, k: int, raster: Raster) -> NDArray[Any]:
+        """Read scan ``k`` of the set and draw it. Raises BrokenScanError."""
+        points = self.session.points(int(self.indices[k]))
+        if self.yaws is not None:
+            points = turn_points(points, float(self.yaws[k]))
+        return raster(points, self.ground_z)
+
+
+@dataclass(frozen=True, eq=False)
+class Rasters:
+    """Images of n scans in memory; bool images stay bit-packed until they are asked for."""
+
+    data: NDArray[Any]
+    raster: Raster
+
+    def __len__(self) -> int:
+        return len(self.data)
+
+    def __getitem__(self, rows: Any) -> torch.Tensor:
+        """Images (k, *raster.shape) of ``rows``: bool as uint8 0 or 1, others as stored."""
+        return torch.from_numpy(unpack(self.data[rows], self.raster))
+
+
+def pack(image: NDArray[Any], raster: Raster) -> NDArray[Any]:
+    """Flat uint8 or raw values of one image, as stored."""
+    return np.packbits(image) if raster.dtype == np.bool_ else image.ravel()
+
+
+def unpack(data: NDArray[Any], raster: Raster) -> NDArray[Any]:
+    """Images (k, *shape) of stored rows (k, m)."""
+    if raster.dtype == np.bool_:
+        data = np.unpackbits(data, axis=-1, count=int(np.prod(raster.shape)))
+    return np.ascontiguousarray(data).reshape(*data.shape[:-1], *raster.shape)
+
+
+class RasterCache:
+    """Draws scans, or finds them drawn.
+
+    Args:
+        folder: where ``rasters.sqlite`` lies or will lie; made if missing. It must be on a
+            local disk where several processes share it, as SQLite demands.
+        workers: threads that draw; the compiled loops leave the interpreter free.
+    """
+
+    def __init__(self, folder: Path, workers: int = 2) -> None:
+        self.path = Path(folder) / "rasters.sqlite"
+        self.workers = max(1, workers)
+
+    def load(
+        self, scans: ScanSet, raster: Raster, progress: Progress | None = None
+    ) -> tuple[ScanSet, Rasters, tuple[str, ...]]:
+        """Rasters of the scans that can be read, those scans, and the reasons of the others."""
+        keys = _keys(scans, raster)
+        rows: list[bytes | None] = [None] * len(scans)
+        broken: list[str] = []
+        with self._database() as database:
+            missing = []
+            for k, key in enumerate(keys):
+                rows[k] = _find(database, key)
+                if rows[k] is None:
+                    missing.append(k)
+            done = len(scans) - len(missing)
+            with ThreadPoolExecutor(self.workers) as pool:
+                for start in range(0, len(missing), BATCH):
+                    batch = missing[start : start + BATCH]
+                    images = pool.map(lambda k: _draw(scans, k, raster), batch)
+                    for k, image in zip(batch, images, strict=True):
+                        if isinstance(image, BrokenScanError):
+                            broken.append(str(image))
+                        else:
+                            rows[k] = image
+                    _store(database, [(keys[k], rows[k]) for k in batch if rows[k] is not None])
+                    done += len(batch)
+                    if progress is not None:
+                        progress(done, len(scans))
+        keep = np.array([row is not None for row in rows], dtype=np.bool_)
+        values = [row for row in rows if row is not None]
+        stored = np.uint8 if raster.dtype == np.bool_ else raster.dtype
+        data = np.frombuffer(b"".join(values), dtype=stored).reshape(len(values), -1)
+        return scans.subset(keep), Rasters(data, raster), tuple(broken)
+
+    @contextmanager
+    def _database(self) -> Iterator[sqlite3.Connection]:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with closing(sqlite3.connect(self.path, timeout=60.0)) as database:
+                database.execute(
+                    "CREATE TABLE IF NOT EXISTS rasters (settings BLOB, path TEXT, size INTEGER, "
+                    "changed_ns INTEGER, image BLOB, PRIMARY KEY (settings, path)) WITHOUT ROWID"
+                )
+                yield database
+        except sqlite3.Error as error:
+            raise DeepringError(
+                f"paths.cache: {self.path} cannot be used ({error}); delete the file, or choose "
+                "another folder with paths.cache=FOLDER"
+            ) from error
+
+
+@dataclass(frozen=True)
+class _Key:
+    """What a stored row is found by, and what must not have changed since."""
+
+    settings: bytes
+    path: str
+    size: int
+    changed_ns: int
+
+
+def _keys(scans: ScanSet, raster: Raster) -> list[_Key]:
+    reader = scans.session.read
+    everything = {
+        "version": RASTER_VERSION,
+        "reader": f"{reader.__module__}.{reader.__qualname__}",
+        "raster": raster_settings(raster),
+        "ground_z": scans.ground_z,
+    }
+    keys = []
+    for k, index in enumerate(scans.indices):
+        path = scans.session.files[index].absolute()
+        try:
+            status = path.stat()
+        except OSError:
+            size, changed = -1, -1  # drawing it will say what is wrong
+        else:
+            size, changed = status.st_size, status.st_mtime_ns
+        yaw = None if scans.yaws is None else float(scans.yaws[k])
+        settings = json.dumps({**everything, "yaw": yaw}, sort_keys=True).encode()
+        keys.append(_Key(hashlib.sha256(settings).digest(), str(path), size, changed))
+    return keys
+
+
+def _find(database: sqlite3.Connection, key: _Key) -> bytes | None:
+    row = database.execute(
+        "SELECT image FROM rasters WHERE settings = ? AND path = ? AND size = ? AND changed_ns = ?",
+        (key.settings, key.path, key.size, key.changed_ns),
+    ).fetchone()
+    return None if row is None else bytes(row[0])
+
+
+def _store(database: sqlite3.Connection, rows: list[tuple[_Key, bytes | None]]) -> None:
+    with database:
+        database.executemany(
+            "INSERT OR REPLACE INTO rasters VALUES (?, ?, ?, ?, ?)",
+            [(key.settings, key.path, key.size, key.changed_ns, image) for key, image in rows],
+        )
+
+
+def _draw(scans: ScanSet, k: int, raster: Raster) -> bytes | BrokenScanError:
+    try:
+        return pack(scans.draw(k, raster), raster).tobytes()
+    except BrokenScanError as error:
+        return error

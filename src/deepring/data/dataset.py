@@ -1,0 +1,188 @@
+"""A dataset as a config states it: sessions, spacings, regions, and what to train and test on."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from deepring.data.cache import ScanSet
+from deepring.data.formats import open_session
+from deepring.data.regions import Shape, parse_region
+from deepring.data.sampling import far_half_plane, revisits, sample_by_distance
+from deepring.data.scan import Session
+from deepring.errors import DeepringError
+
+
+@dataclass
+class Spacing:
+    """Metres between the scans that are kept."""
+
+    database: float = 20.0
+    query: float = 5.0
+    train: float = 1.0
+
+
+@dataclass
+class Regions:
+    """Regions in ground-truth coordinates, as `parse_region` takes them; None is everywhere.
+
+    ``validation`` is cut out of ``train``; None takes the far ``validation_share`` of it along
+    its longest direction. Training keeps ``margin`` metres away from validation scans.
+    """
+
+    train: Any = None
+    validation: Any = None
+    test: Any = None
+    validation_share: float = 0.15
+    margin: float = 50.0
+
+
+@dataclass
+class DatasetConfig:
+    """One dataset. Every value is a config value: ``data.root``, ``data.database``, ..."""
+
+    name: str = "???"
+    format: str = "???"
+    root: str = "???"
+    database: str | None = None
+    query: str | None = None
+    spacing: Spacing = field(default_factory=Spacing)
+    regions: Regions = field(default_factory=Regions)
+    #: 'sessions': database and query are two sessions. 'revisits': one session; its first
+    #: passes are the database, passes over ground first seen revisit_apart metres of path
+    #: earlier are the queries.
+    split: str = "sessions"
+    revisit_radius: float = 10.0
+    revisit_apart: float = 100.0
+    #: z of the ground under the sensor in the scan's frame, metres.
+    ground_z: float = 0.0
+    #: Seed of a random turn of each query; None turns none.
+    query_yaw_seed: int | None = None
+    #: Further options of the reader, such as pose_tolerance.
+    reader: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class RetrievalSet:
+    """Queries and the database they are looked up in."""
+
+    name: str
+    region: str
+    database: ScanSet
+    query: ScanSet
+
+
+class PlaceDataset:
+    """The sessions of a `DatasetConfig`, opened when first needed."""
+
+    def __init__(self, config: DatasetConfig) -> None:
+        if config.split not in ("sessions", "revisits"):
+            raise DeepringError(f"data.split: {config.split!r}, expected 'sessions' or 'revisits'")
+        self.config = config
+        self.name = config.name
+
+    @cached_property
+    def database(self) -> Session:
+        """The session that maps are made of."""
+        return self._open(self.config.database)
+
+    @cached_property
+    def query(self) -> Session:
+        """The session that queries come from; the same one under 'revisits'."""
+        return self.database if self.config.split == "revisits" else self._open(self.config.query)
+
+    def _open(self, name: str | None) -> Session:
+        c = self.config
+        return open_session(c.format, c.root, name, **c.reader)
+
+    @cached_property
+    def _validation(self) -> Shape | None:
+        """The validation region, without regard to the training region it is cut out of."""
+        c = self.config.regions
+        if c.validation is not None:
+            return parse_region(c.validation, "data.regions.validation")
+        if not 0 <= c.validation_share < 1:
+            raise DeepringError(
+                f"data.regions.validation_share: {c.validation_share}, expected 0 to below 1"
+            )
+        if c.validation_share == 0:
+            return None
+        positions = self.database.ground_truth
+        inside = parse_region(c.train, "data.regions.train").contains(positions)
+        if not inside.any():
+            raise DeepringError(self._empty("train", self.database))
+        return far_half_plane(positions[inside], c.validation_share)
+
+    def mask(self, region: str, session: Session) -> NDArray[np.bool_]:
+        """Which scans of a session lie in 'train', 'validation', 'test' or 'whole'."""
+        c, positions = self.config.regions, session.ground_truth
+        if region in ("test", "whole"):
+            spec = c.test if region == "test" else None
+            return parse_region(spec, "data.regions.test").contains(positions)
+        train = parse_region(c.train, "data.regions.train")
+        inside = train.contains(positions)
+        if self._validation is None:
+            if region == "validation":
+                raise DeepringError("data.regions: no validation split, since its share is 0")
+            return inside
+        if region == "validation":
+            return inside & self._validation.contains(positions)
+        held_out = [
+            s.ground_truth[
+                train.contains(s.ground_truth) & self._validation.contains(s.ground_truth)
+            ]
+            for s in (self.database, self.query)
+        ]
+        apart, _ = KDTree(np.concatenate(held_out)).query(positions)
+        return inside & (apart > c.margin)
+
+    def training(self) -> list[ScanSet]:
+        """The scans that classes are drawn from: of both sessions, in the training region."""
+        sessions = [self.database]
+        if self.config.split == "sessions":
+            sessions.append(self.query)
+        spacing = self.config.spacing.train
+        return [self._scans(session, "train", spacing) for session in sessions]
+
+    def retrieval(self, region: str) -> RetrievalSet:
+        """Database and queries of 'validation', 'test' or 'whole'."""
+        spacing = self.config.spacing
+        first = again = None
+        if self.config.split == "revisits":
+            again = revisits(
+                self.query.positions, self.config.revisit_radius, self.config.revisit_apart
+            )
+            first = ~again
+        database = self._scans(self.database, region, spacing.database, first)
+        query = self._scans(self.query, region, spacing.query, again, self.config.query_yaw_seed)
+        return RetrievalSet(self.name, region, database, query)
+
+    def _scans(
+        self,
+        session: Session,
+        region: str,
+        spacing: float,
+        among: NDArray[np.bool_] | None = None,
+        yaw_seed: int | None = None,
+    ) -> ScanSet:
+        mask = self.mask(region, session)
+        if among is not None:
+            mask &= among
+        if not mask.any():
+            raise DeepringError(self._empty(region, session))
+        indices = sample_by_distance(session.positions, spacing, mask)
+        yaws = None
+        if yaw_seed is not None:
+            yaws = np.random.default_rng(yaw_seed).uniform(0, 2 * np.pi, len(indices))
+        return ScanSet(session, indices, self.config.ground_z, yaws)
+
+    def _empty(self, region: str, session: Session) -> str:
+        low, high = session.ground_truth.min(axis=0), session.ground_truth.max(axis=0)
+        return (
+            f"data.regions.{region}: no usable scan of session {session.name} of {self.name} lies "
+            f"in it; its ground truth spans [{low[0]:.1f}, {low[1]:.1f}] to "
+            f"[{high[0]:.1f}, {high[1]:.1f}]; mend the region or take another session"
+        )

@@ -1,0 +1,134 @@
+"""Regions of the ground plane: unions of discs, half-planes and polygons, in ground truth."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from matplotlib.path import Path as PolygonPath
+from numpy.typing import NDArray
+
+from deepring.errors import DeepringError
+
+Positions = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class Shape(Protocol):
+    """A part of the plane."""
+
+    def contains(self, positions: Positions) -> Mask:
+        """Which of (n, 2) positions lie inside."""
+        ...
+
+
+@dataclass(frozen=True)
+class Disc:
+    """Positions within ``radius`` metres of ``center``."""
+
+    center: tuple[float, float]
+    radius: float
+
+    def contains(self, positions: Positions) -> Mask:
+        """Distance at most the radius."""
+        offset = positions - np.asarray(self.center, dtype=np.float64)
+        inside: Mask = np.hypot(offset[:, 0], offset[:, 1]) <= self.radius
+        return inside
+
+
+@dataclass(frozen=True)
+class HalfPlane:
+    """Positions on the side of ``point`` to which ``normal`` points, the border included."""
+
+    point: tuple[float, float]
+    normal: tuple[float, float]
+
+    def contains(self, positions: Positions) -> Mask:
+        """Non-negative projection on the normal."""
+        side: Mask = (positions - np.asarray(self.point)) @ np.asarray(self.normal) >= 0
+        return side
+
+
+@dataclass(frozen=True)
+class Polygon:
+    """Positions inside a closed polygon of at least three ``vertices``."""
+
+    vertices: tuple[tuple[float, float], ...]
+
+    def contains(self, positions: Positions) -> Mask:
+        """By matplotlib's path, around the first vertex so that UTM keeps its precision."""
+        origin = np.asarray(self.vertices[0])
+        path = PolygonPath(np.asarray(self.vertices) - origin)
+        return path.contains_points(positions - origin)
+
+
+@dataclass(frozen=True)
+class Region:
+    """Inside any of ``inside`` (everywhere, where empty) and inside none of ``outside``."""
+
+    inside: tuple[Shape, ...] = ()
+    outside: tuple[Shape, ...] = ()
+
+    def contains(self, positions: Positions) -> Mask:
+        """Which of (n, 2) ground-truth positions lie in the region."""
+        mask = np.ones(len(positions), dtype=np.bool_)
+        if self.inside:
+            mask = np.any([shape.contains(positions) for shape in self.inside], axis=0)
+        for shape in self.outside:
+            mask &= ~shape.contains(positions)
+        return mask
+
+
+def parse_region(spec: Any, name: str) -> Region:
+    """A region from plain config values; None is everywhere.
+
+    ``{inside: [...], outside: [...]}``, or a list for inside alone, of ``{disc: {center: [x, y],
+    radius: r}}``, ``{half_plane: {point: [x, y], normal: [x, y]}}`` and ``{polygon: [[x, y],
+    ...]}``. ``name`` is the config key, for the error.
+    """
+    if spec is None:
+        return Region()
+    if isinstance(spec, Sequence) and not isinstance(spec, str):
+        spec = {"inside": spec}
+    if not isinstance(spec, Mapping) or not set(spec) <= {"inside", "outside"}:
+        raise DeepringError(
+            f"{name}: {spec!r}, expected null, a list of shapes, or inside: and outside: lists"
+        )
+    parts = {
+        side: tuple(_parse_shape(shape, f"{name}.{side}") for shape in spec.get(side) or ())
+        for side in ("inside", "outside")
+    }
+    return Region(**parts)
+
+
+def _parse_shape(spec: Any, name: str) -> Shape:
+    try:
+        (kind, values), *more = spec.items()
+        if more:
+            raise ValueError
+        match kind:
+            case "disc":
+                disc = Disc(_pair(values["center"]), float(values["radius"]))
+                if set(values) == {"center", "radius"} and disc.radius > 0:
+                    return disc
+            case "half_plane":
+                plane = HalfPlane(_pair(values["point"]), _pair(values["normal"]))
+                if set(values) == {"point", "normal"} and any(plane.normal):
+                    return plane
+            case "polygon":
+                polygon = Polygon(tuple(_pair(vertex) for vertex in values))
+                if len(polygon.vertices) >= 3:
+                    return polygon
+    except (AttributeError, KeyError, TypeError, ValueError):
+        pass
+    raise DeepringError(
+        f"{name}: {spec!r} is no shape; expected {{disc: {{center: [x, y], radius: r > 0}}}}, "
+        "{half_plane: {point: [x, y], normal: [x, y]}} or {polygon: [[x, y], [x, y], [x, y]]}"
+    )
+
+
+def _pair(values: Any) -> tuple[float, float]:
+    x, y = (float(value) for value in values)
+    if not (np.isfinite(x) and np.isfinite(y)):
+        raise ValueError("not finite")
+    return x, y

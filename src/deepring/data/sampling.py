@@ -1,0 +1,54 @@
+"""Which scans of a session are used: spacing, first passes and revisits (protocol)."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from deepring.data.regions import HalfPlane
+from deepring.errors import DeepringError
+
+Positions = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+def sample_by_distance(positions: Positions, spacing: float, mask: NDArray[np.bool_]) -> Indices:
+    """Indices kept of (n, 2) positions in driving order, after the mask.
+
+    A scan is kept when its distance from the last kept one exceeds ``spacing`` metres; the
+    first one in the mask is always kept. 0 keeps all.
+    """
+    if spacing < 0:
+        raise DeepringError(f"data.spacing: {spacing}, expected metres, at least 0")
+    kept: list[int] = []
+    for index in np.flatnonzero(mask):
+        if (
+            not kept
+            or spacing == 0
+            or np.hypot(*(positions[index] - positions[kept[-1]])) > spacing
+        ):
+            kept.append(int(index))
+    return np.array(kept, dtype=np.int64)
+
+
+def revisits(positions: Positions, radius: float = 10.0, apart: float = 100.0) -> NDArray[np.bool_]:
+    """Which scans pass ground first seen more than ``apart`` metres of path earlier.
+
+    Scan i is a revisit when an earlier scan within ``radius`` metres of it lies more than
+    ``apart`` metres of driven path before. The others are first passes.
+    """
+    steps = np.hypot(*np.diff(positions, axis=0).T) if len(positions) > 1 else np.zeros(0)
+    path = np.concatenate([[0.0], np.cumsum(steps)])[: len(positions)]
+    near = KDTree(positions).query_ball_point(positions, radius)
+    return np.array(
+        [path[neighbours].min() < path[i] - apart for i, neighbours in enumerate(near)], dtype=bool
+    )
+
+
+def far_half_plane(positions: Positions, share: float) -> HalfPlane:
+    """The half-plane that holds the far ``share`` of (n, 2) positions, cut across their longest
+    direction: a validation split that needs no coordinates."""
+    centre = positions.mean(axis=0)
+    axis = np.linalg.svd(positions - centre, full_matrices=False)[2][0]
+    axis = axis * np.sign(axis[np.abs(axis).argmax()])  # SVD leaves the sign open
+    cut = centre + axis * np.quantile((positions - centre) @ axis, 1.0 - share)
+    return HalfPlane((float(cut[0]), float(cut[1])), (float(axis[0]), float(axis[1])))

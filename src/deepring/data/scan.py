@@ -1,0 +1,75 @@
+"""A session: the scans of one drive, their stamps and poses. Points are read one scan at a time."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Points = NDArray[np.float32]
+"""(n, 3) float32, metres, in the scan's own frame: right-handed, z up."""
+
+
+@dataclass(frozen=True)
+class Omissions:
+    """What a reader left out of a session, and why; printed, never silent."""
+
+    broken: tuple[str, ...] = ()  # files that cannot be decoded, each with its reason
+    without_pose: int = 0  # scans whose stamp lies farther than the tolerance from any pose
+    bad_poses: int = 0  # pose rows with NaN, or out of order
+
+    def __str__(self) -> str:
+        """One line, empty where nothing was left out."""
+        parts = []
+        if self.broken:
+            parts.append(f"{len(self.broken)} broken files (first: {self.broken[0]})")
+        if self.without_pose:
+            parts.append(f"{self.without_pose} scans without a pose")
+        if self.bad_poses:
+            parts.append(f"{self.bad_poses} unusable pose rows")
+        return ", ".join(parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """One drive: n scans with a pose each, in driving order. No points are held in memory.
+
+    ``poses`` are (n, 4, 4) float64, world <- scan frame, world z up. ``ground_truth`` are
+    (n, 2) float64, the planar coordinates as the dataset's own ground truth writes them (NCLT:
+    north, east; MulRan: easting, northing), in which regions are stated. ``stamps`` are (n,)
+    int64 nanoseconds, or None where a dataset has none. ``read`` decodes one file and raises
+    BrokenScanError where it cannot.
+    """
+
+    name: str
+    files: tuple[Path, ...]
+    poses: NDArray[np.float64]
+    ground_truth: NDArray[np.float64]
+    stamps: NDArray[np.int64] | None
+    read: Callable[[Path], Points]
+    omissions: Omissions = field(default_factory=Omissions)
+
+    def __post_init__(self) -> None:
+        n = len(self.files)
+        if self.poses.shape != (n, 4, 4) or self.ground_truth.shape != (n, 2):
+            raise ValueError(
+                f"session {self.name}: {n} files, but poses {self.poses.shape} and "
+                f"ground_truth {self.ground_truth.shape}; expected (n, 4, 4) and (n, 2)"
+            )
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+    def points(self, index: int) -> Points:
+        """Read scan ``index``: (m, 3) float32 in its own frame. Raises BrokenScanError."""
+        return self.read(self.files[index])
+
+    def __iter__(self) -> Iterator[Points]:
+        """Stream the scans in driving order, one in memory at a time."""
+        return (self.points(i) for i in range(len(self)))
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """Planar world positions (n, 2), float64 metres: distances are taken between these."""
+        return self.poses[:, :2, 3]

@@ -1,0 +1,1 @@
+"""Metrics, retrieval and the evaluation protocol."""

@@ -1,0 +1,1 @@
+"""The functions one reads from top to bottom: train and evaluate, and their configuration."""

@@ -1,0 +1,34 @@
+"""What a place-recognition method is: scans become descriptors, descriptors are compared."""
+
+from typing import NamedTuple, Protocol, runtime_checkable
+
+from torch import Tensor
+
+from deepring.core.rasters import Raster
+
+
+class Comparison(NamedTuple):
+    """Queries against a database."""
+
+    score: Tensor
+    """(q, d) float; higher is more alike."""
+    yaw: Tensor | None
+    """(q, d) float32 radians, the turn of the points from entry to query; None if not known."""
+
+
+@runtime_checkable
+class Method(Protocol):
+    """A place-recognition method. Every method is evaluated through these calls alone."""
+
+    @property
+    def raster(self) -> Raster:
+        """The image of a scan that the method describes; it is what the cache holds."""
+        ...
+
+    def describe(self, rasters: Tensor) -> Tensor:
+        """Descriptors (b, ...) of rasters (b, *raster.shape)."""
+        ...
+
+    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+        """Compare descriptors (q, ...) with descriptors (d, ...)."""
+        ...

@@ -1,0 +1,110 @@
+"""DeepRING: sinogram, circular UNet, row-wise DFT magnitude, circular cross-correlation."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from deepring.core.correlation import (
+    circular_cross_correlation,
+    shift_to_yaw,
+    standardise,
+    unit_norm,
+)
+from deepring.core.rasters import BevRaster, Raster, make_raster, raster_settings
+from deepring.core.spectrum import row_dft_magnitude
+from deepring.errors import DeepringError
+from deepring.methods.base import Comparison
+from deepring.nn.circular import TauPadding
+from deepring.nn.representation import make_representation
+from deepring.nn.unet import CircularUNet
+
+NORMALISATIONS: dict[str, Callable[[Tensor], Tensor]] = {
+    "unit": unit_norm,
+    "standard": lambda d: standardise(d) / (d.shape[-2] * d.shape[-1]) ** 0.5,
+    "none": lambda d: d,
+}
+"""Of a descriptor before it is correlated: unit norm; zero mean and unit norm; as it is."""
+
+
+@dataclass(frozen=True)
+class DeepRingSettings:
+    """Everything that makes a descriptor but the weights. Plain values, kept in checkpoints."""
+
+    raster: dict[str, Any] = field(default_factory=lambda: raster_settings(BevRaster()))
+    angles: int = 120
+    bins: int = 120
+    pool: int = 1
+    widths: Sequence[int] = (64, 128, 256, 512)
+    convolutions: int = 2
+    norm: str = "batch"
+    tau_padding: TauPadding = "circular"
+    normalisation: str = "unit"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain dict of lists and numbers, as `from_dict` takes it."""
+        return {**asdict(self), "widths": list(self.widths)}
+
+    @staticmethod
+    def from_dict(values: dict[str, Any]) -> "DeepRingSettings":
+        """Raises DeepringError where the values do not make settings."""
+        try:
+            return DeepRingSettings(**values)
+        except TypeError as error:
+            raise DeepringError(f"DeepRING settings: {error}") from None
+
+
+class DeepRing(nn.Module):
+    """The network of the paper's Fig. 1. Rasters in, roto-translation invariant descriptors out.
+
+    Shapes: rasters (b, n, n) -> representation (b, 1, θ, τ) -> feature E_f (b, 1, θ, τ)
+    -> magnitude M_f (b, θ, ω), normalised.
+    """
+
+    def __init__(self, settings: DeepRingSettings | None = None) -> None:
+        super().__init__()
+        self.settings = settings = DeepRingSettings() if settings is None else settings
+        if settings.normalisation not in NORMALISATIONS:
+            raise DeepringError(
+                f"similarity.normalisation: {settings.normalisation!r}, expected one of "
+                f"{', '.join(NORMALISATIONS)}"
+            )
+        self._raster = make_raster(settings.raster)
+        self.representation = make_representation(
+            self._raster, settings.angles, settings.bins, settings.pool
+        )
+        self.encoder = CircularUNet(
+            settings.widths,
+            convolutions=settings.convolutions,
+            norm=settings.norm,
+            tau_padding=settings.tau_padding,
+        )
+        self.normalise = NORMALISATIONS[settings.normalisation]
+
+    @property
+    def raster(self) -> Raster:
+        """The image of a scan that the network takes."""
+        return self._raster
+
+    def forward(self, rasters: Tensor) -> Tensor:
+        """Descriptors M_f (b, θ, ω) of rasters (b, *raster.shape)."""
+        image = self.representation(rasters)
+        feature = self.encoder(image)
+        return self.normalise(row_dft_magnitude(feature.squeeze(1)))
+
+    @torch.no_grad()
+    def describe(self, rasters: Tensor) -> Tensor:
+        """`forward` in evaluation mode, on the network's device; descriptors come back on it."""
+        training = self.training
+        self.eval()
+        try:
+            return self(rasters.to(next(self.parameters()).device))
+        finally:
+            self.train(training)
+
+    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+        """Correlation at the best rotation (Eq. 8), and that rotation."""
+        match = circular_cross_correlation(queries, database)
+        return Comparison(match.score, shift_to_yaw(match.shift, queries.shape[-2]))

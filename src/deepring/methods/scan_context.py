@@ -1,0 +1,52 @@
+"""Scan Context (Kim and Kim 2018; irapkaist/scancontext)."""
+
+import torch
+from torch import Tensor
+
+from deepring.core.correlation import correlation_curves, shift_to_yaw
+from deepring.core.rasters import ContextRaster
+from deepring.methods.base import Comparison
+
+
+class ScanContext:
+    """Largest heights over polar cells; the cosine of columns, at the best column shift.
+
+    Descriptors are (b, sectors, rings): a row here is what the original calls a column. With
+    ``candidates`` only the entries with the nearest ring keys are compared in full, as in the
+    original (10); None compares all, as in the DeepRING paper.
+    """
+
+    def __init__(self, raster: ContextRaster | None = None, candidates: int | None = None) -> None:
+        self.raster = ContextRaster() if raster is None else raster
+        self.candidates = candidates
+
+    def describe(self, rasters: Tensor) -> Tensor:
+        """The heights as float32: (b, sectors, rings)."""
+        return rasters.float()
+
+    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+        """1 - distance: the mean cosine over columns that are non-empty in both."""
+        q_columns, q_filled = _unit_columns(queries)
+        d_columns, d_filled = _unit_columns(database)
+        cosines = correlation_curves(q_columns, d_columns)
+        shared = correlation_curves(q_filled, d_filled).round()
+        mean = torch.where(shared > 0, cosines / shared.clamp_min(1.0), torch.zeros(()))
+        score, shift = mean.max(dim=-1)
+        if self.candidates is not None and self.candidates < len(database):
+            keep = _nearest_ring_keys(queries, database, self.candidates)
+            score = torch.where(keep, score, torch.full_like(score, -1.0))
+        return Comparison(score, shift_to_yaw(shift, queries.shape[-2]))
+
+
+def _unit_columns(context: Tensor) -> tuple[Tensor, Tensor]:
+    """Columns at unit norm, and which are non-empty: (n, sectors, rings), (n, sectors, 1)."""
+    norm = torch.linalg.vector_norm(context, dim=-1, keepdim=True)
+    filled = norm > 0
+    return torch.where(filled, context / norm.clamp_min(1e-12), 0.0), filled.float()
+
+
+def _nearest_ring_keys(queries: Tensor, database: Tensor, count: int) -> Tensor:
+    """Which entries (q, d) are among the ``count`` nearest in the mean over sectors (L2)."""
+    distance = torch.cdist(queries.mean(dim=-2), database.mean(dim=-2))
+    nearest = distance.topk(count, largest=False).indices
+    return torch.zeros_like(distance, dtype=torch.bool).scatter_(1, nearest, True)

@@ -1,0 +1,1 @@
+"""Networks that keep the circular symmetry of θ."""

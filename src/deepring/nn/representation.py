@@ -1,0 +1,71 @@
+"""From a cached raster to the network's input (b, 1, θ, τ): the paper's rotation-equivariant
+representations. They have no parameters; they run where the batch lies, CPU or GPU."""
+
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from deepring.core.radon import radon
+from deepring.core.rasters import BevRaster, PolarRaster, RangeRaster, Raster
+from deepring.errors import DeepringError
+
+
+class Sinogram(nn.Module):
+    """BEV (b, n, n) -> sinogram (b, 1, angles / pool, bins / pool), scaled to about [0, 1].
+
+    ``pool`` averages neighbouring rows and bins, which costs resolution and saves time. Values
+    are divided by half the field of view: a row's value is the share of occupied cells along
+    half a line through the centre.
+    """
+
+    def __init__(self, angles: int = 120, bins: int = 120, pool: int = 1) -> None:
+        super().__init__()
+        if pool < 1 or angles % pool or bins % pool:
+            raise DeepringError(
+                f"representation.pool: {pool}, expected a divisor of "
+                f"angles={angles} and bins={bins}"
+            )
+        self.angles, self.bins, self.pool = angles, bins, pool
+
+    @property
+    def rows(self) -> int:
+        """Rows of θ."""
+        return self.angles // self.pool
+
+    def forward(self, raster: Tensor) -> Tensor:
+        """Sinograms of the batch."""
+        sinogram = radon(raster, self.angles, self.bins)[:, None]
+        return F.avg_pool2d(sinogram, self.pool) if self.pool > 1 else sinogram
+
+
+class PolarImage(nn.Module):
+    """Polar gram or range image (b, θ, r) -> (b, 1, θ / pool, r / pool)."""
+
+    def __init__(self, sectors: int = 120, pool: int = 1) -> None:
+        super().__init__()
+        if pool < 1 or sectors % pool:
+            raise DeepringError(
+                f"representation.pool: {pool}, expected a divisor of sectors={sectors}"
+            )
+        self.sectors, self.pool = sectors, pool
+
+    @property
+    def rows(self) -> int:
+        """Rows of θ."""
+        return self.sectors // self.pool
+
+    def forward(self, raster: Tensor) -> Tensor:
+        """Images of the batch as float32."""
+        image = raster.float()[:, None]
+        return F.avg_pool2d(image, self.pool) if self.pool > 1 else image
+
+
+def make_representation(
+    raster: Raster, angles: int = 120, bins: int = 120, pool: int = 1
+) -> Sinogram | PolarImage:
+    """The representation that goes with a raster; angles and bins are the sinogram's."""
+    match raster:
+        case BevRaster():
+            return Sinogram(angles, bins, pool)
+        case PolarRaster() | RangeRaster():
+            return PolarImage(raster.sectors, pool)
+    raise DeepringError(f"representation: no network takes a {type(raster).__name__}")

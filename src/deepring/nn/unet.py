@@ -1,0 +1,100 @@
+"""The feature extraction network: a UNet of circular convolutions (paper, Sec. III-B)."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+from deepring.errors import DeepringError
+from deepring.nn.circular import CircularConv2d, TauPadding, circular_upsample
+
+
+def _normalisation(kind: str, channels: int) -> nn.Module:
+    match kind:
+        case "batch":
+            return nn.BatchNorm2d(channels)
+        case "group":
+            return nn.GroupNorm(min(8, channels), channels)
+        case "none":
+            return nn.Identity()
+    raise DeepringError(f"encoder.norm: {kind!r}, expected 'batch', 'group' or 'none'")
+
+
+class Block(nn.Sequential):
+    """``convolutions`` times circular 3x3 convolution, normalisation, ReLU."""
+
+    def __init__(
+        self, in_channels: int, out_channels: int, convolutions: int, norm: str, tau: TauPadding
+    ) -> None:
+        layers: list[nn.Module] = []
+        for k in range(convolutions):
+            source = in_channels if k == 0 else out_channels
+            layers += [
+                CircularConv2d(source, out_channels, 3, tau, bias=norm == "none"),
+                _normalisation(norm, out_channels),
+                nn.ReLU(inplace=True),
+            ]
+        super().__init__(*layers)
+
+
+class CircularUNet(nn.Module):
+    """UNet over (b, in, θ, τ) -> (b, out, θ, τ), equivariant to shifts of θ by its stride.
+
+    Each level but the last halves θ and τ by max pooling; the way up doubles them by wrapped
+    bilinear interpolation and joins the skip. A last 1x1 convolution gives the feature map.
+
+    Args:
+        widths: channels of each level; the number of levels is its length.
+        in_channels: channels of the representation.
+        out_channels: channels of the feature map.
+        convolutions: 3x3 convolutions a block.
+        norm: 'batch', 'group' or 'none'.
+        tau_padding: how τ is padded, 'circular' (the paper's Eq. 5) or 'zero'.
+    """
+
+    def __init__(
+        self,
+        widths: Sequence[int] = (64, 128, 256, 512),
+        in_channels: int = 1,
+        out_channels: int = 1,
+        convolutions: int = 2,
+        norm: str = "batch",
+        tau_padding: TauPadding = "circular",
+    ) -> None:
+        super().__init__()
+        if not widths or min(widths) < 1 or convolutions < 1:
+            raise DeepringError(
+                f"encoder: widths={list(widths)}, convolutions={convolutions}; "
+                "expected at least one level, channel and convolution"
+            )
+        self.tau = tau_padding
+        self.stride = 2 ** (len(widths) - 1)
+        sources = [in_channels, *widths[:-1]]
+        self.down = nn.ModuleList(
+            Block(a, b, convolutions, norm, tau_padding)
+            for a, b in zip(sources, widths, strict=True)
+        )
+        self.up = nn.ModuleList(
+            Block(deep + skip, skip, convolutions, norm, tau_padding)
+            for deep, skip in zip(widths[:0:-1], widths[-2::-1], strict=True)
+        )
+        self.pool = nn.MaxPool2d(2)
+        self.head = nn.Conv2d(widths[0], out_channels, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Feature map E_f (b, out, θ, τ) of the representation (b, in, θ, τ)."""
+        if x.shape[-2] % self.stride or x.shape[-1] % self.stride:
+            raise DeepringError(
+                f"encoder.widths: {len(self.down)} levels halve θ and τ to a total stride of "
+                f"{self.stride}, which does not divide the representation's "
+                f"{x.shape[-2]} x {x.shape[-1]}; take fewer levels or other numbers of rows"
+            )
+        skips = []
+        for block in self.down[:-1]:
+            x = block(x)
+            skips.append(x)
+            x = self.pool(x)
+        x = self.down[-1](x)
+        for block, skip in zip(self.up, reversed(skips), strict=True):
+            x = block(torch.cat([circular_upsample(x, self.tau), skip], dim=1))
+        return self.head(x)

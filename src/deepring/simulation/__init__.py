@@ -1,0 +1,1 @@
+"""Simulated drives, written in the native NCLT and MulRan layouts."""

@@ -1,0 +1,1 @@
+"""Lightning: the module, its loss and its callbacks."""

@@ -1,0 +1,84 @@
+"""FFT correlation against a brute-force loop; the sign of the shift; symmetry and invariance."""
+
+import math
+
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from deepring.core.correlation import (
+    circular_cross_correlation,
+    correlation_curves,
+    shift_to_yaw,
+    standardise,
+    unit_norm,
+)
+
+
+def maps(n, rows, cols, seed):
+    return torch.randn(n, rows, cols, generator=torch.Generator().manual_seed(seed))
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.integers(1, 3), st.integers(1, 4), st.integers(2, 9), st.integers(1, 5), st.integers(0, 99)
+)
+def test_matches_the_double_sum_of_equation_8(q, d, rows, cols, seed):
+    queries, database = maps(q, rows, cols, seed), maps(d, rows, cols, seed + 1)
+    brute = torch.zeros(q, d, rows)
+    for i in range(q):
+        for j in range(d):
+            for alpha in range(rows):
+                for theta in range(rows):
+                    brute[i, j, alpha] += (
+                        queries[i, (theta + alpha) % rows] * database[j, theta]
+                    ).sum()
+    curves = correlation_curves(queries, database)
+    assert torch.allclose(curves, brute, atol=1e-4)
+    match = circular_cross_correlation(queries, database)
+    assert torch.allclose(match.score, brute.amax(-1), atol=1e-4)
+
+
+def test_the_shift_rolls_the_entry_onto_the_query():
+    entry = maps(1, 12, 5, 0)
+    match = circular_cross_correlation(entry.roll(3, dims=-2), entry)
+    assert match.shift.item() == 3  # not 9, its mirror
+    assert torch.allclose(match.score, entry.square().sum())
+
+
+def test_score_is_symmetric_and_the_shift_changes_sign():
+    a, b = maps(2, 10, 4, 1), maps(3, 10, 4, 2)
+    forth, back = circular_cross_correlation(a, b), circular_cross_correlation(b, a)
+    assert torch.allclose(forth.score, back.score.T, atol=1e-5)
+    assert torch.equal((forth.shift + back.shift.T) % 10, torch.zeros(2, 3, dtype=torch.long))
+
+
+def test_score_ignores_shifts_of_either():
+    a, b = maps(2, 10, 4, 3), maps(2, 10, 4, 4)
+    rolled = circular_cross_correlation(a.roll(4, dims=-2), b.roll(-3, dims=-2))
+    assert torch.allclose(rolled.score, circular_cross_correlation(a, b).score, atol=1e-5)
+
+
+def test_shift_to_yaw_wraps_into_plus_minus_pi():
+    yaw = shift_to_yaw(torch.tensor([0, 3, 6, 9]), 12)
+    assert torch.allclose(yaw, torch.tensor([0.0, math.pi / 2, -math.pi, -math.pi / 2]))
+
+
+def test_normalisations():
+    x = maps(3, 6, 5, 5) * 7 + 2
+    z = standardise(x)
+    assert torch.allclose(z.mean((-2, -1)), torch.zeros(3), atol=1e-6)
+    assert torch.allclose(z.square().mean((-2, -1)), torch.ones(3), atol=1e-5)
+    u = unit_norm(x)
+    assert torch.allclose(circular_cross_correlation(u, u).score.diagonal(), torch.ones(3))
+    assert torch.isfinite(standardise(torch.zeros(1, 4, 4))).all()
+    assert torch.isfinite(unit_norm(torch.zeros(1, 4, 4))).all()
+
+
+def test_unnormalised_correlation_lets_the_brightest_place_win():
+    places = maps(5, 12, 6, 6).abs()
+    places[2] *= 10
+    raw = circular_cross_correlation(places, places).score.argmax(1)
+    assert (raw == 2).all()
+    normalised = circular_cross_correlation(unit_norm(places), unit_norm(places)).score.argmax(1)
+    assert torch.equal(normalised, torch.arange(5))
