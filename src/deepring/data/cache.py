@@ -127,6 +127,8 @@ class RasterCache:
                 if rows[k] is None:
                     missing.append(k)
             done = len(scans) - len(missing)
+            if progress is not None:
+                progress(done, len(scans))
             with ThreadPoolExecutor(self.workers) as pool:
                 for start in range(0, len(missing), BATCH):
                     batch = missing[start : start + BATCH]

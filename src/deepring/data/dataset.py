@@ -5,6 +5,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
@@ -116,6 +117,11 @@ class PlaceDataset:
             raise DeepringError(self._empty("train", self.database))
         return far_half_plane(positions[inside], c.validation_share)
 
+    @property
+    def has_validation(self) -> bool:
+        """Whether some of the training region is held out for validation."""
+        return self._validation is not None
+
     def mask(self, region: str, session: Session) -> NDArray[np.bool_]:
         """Which scans of a session lie in 'train', 'validation', 'test' or 'whole'."""
         c, positions = self.config.regions, session.ground_truth
@@ -186,3 +192,9 @@ class PlaceDataset:
             f"in it; its ground truth spans [{low[0]:.1f}, {low[1]:.1f}] to "
             f"[{high[0]:.1f}, {high[1]:.1f}]; mend the region or take another session"
         )
+
+
+def distances_between(positions: NDArray[np.float64], database: ScanSet) -> torch.Tensor:
+    """Distances (q, d) float32 metres from (q, 2) world positions, taken in float64."""
+    offset = positions[:, None] - database.positions[None]
+    return torch.from_numpy(np.hypot(offset[..., 0], offset[..., 1])).float()

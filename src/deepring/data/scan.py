@@ -17,7 +17,7 @@ class Omissions:
 
     broken: tuple[str, ...] = ()  # files that cannot be decoded, each with its reason
     without_pose: int = 0  # scans whose stamp lies farther than the tolerance from any pose
-    bad_poses: int = 0  # pose rows with NaN, or out of order
+    bad_poses: int = 0  # pose rows with NaN or a repeated stamp (dropped), or out of order
 
     def __str__(self) -> str:
         """One line, empty where nothing was left out."""
@@ -27,7 +27,7 @@ class Omissions:
         if self.without_pose:
             parts.append(f"{self.without_pose} scans without a pose")
         if self.bad_poses:
-            parts.append(f"{self.bad_poses} unusable pose rows")
+            parts.append(f"{self.bad_poses} bad pose rows")
         return ", ".join(parts)
 
 

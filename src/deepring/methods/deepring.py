@@ -14,9 +14,9 @@ from deepring.core.correlation import (
     unit_norm,
 )
 from deepring.core.rasters import BevRaster, Raster, make_raster, raster_settings
-from deepring.core.spectrum import row_dft_magnitude
 from deepring.errors import DeepringError
 from deepring.methods.base import Comparison
+from deepring.nn.aggregation import AGGREGATIONS, channels_for
 from deepring.nn.circular import TauPadding
 from deepring.nn.representation import make_representation
 from deepring.nn.unet import CircularUNet
@@ -41,6 +41,7 @@ class DeepRingSettings:
     convolutions: int = 2
     norm: str = "batch"
     tau_padding: TauPadding = "circular"
+    aggregation: str = "dft"
     normalisation: str = "unit"
 
     def to_dict(self) -> dict[str, Any]:
@@ -59,28 +60,27 @@ class DeepRingSettings:
 class DeepRing(nn.Module):
     """The network of the paper's Fig. 1. Rasters in, roto-translation invariant descriptors out.
 
-    Shapes: rasters (b, n, n) -> representation (b, 1, θ, τ) -> feature E_f (b, 1, θ, τ)
-    -> magnitude M_f (b, θ, ω), normalised.
+    Shapes: rasters (b, n, n) -> representation (b, 1, θ, τ) -> feature E_f (b, c, θ, τ)
+    -> aggregated, M_f (b, θ, ω) -> normalised.
     """
 
     def __init__(self, settings: DeepRingSettings | None = None) -> None:
         super().__init__()
         self.settings = settings = DeepRingSettings() if settings is None else settings
-        if settings.normalisation not in NORMALISATIONS:
-            raise DeepringError(
-                f"similarity.normalisation: {settings.normalisation!r}, expected one of "
-                f"{', '.join(NORMALISATIONS)}"
-            )
+        _expect("similarity.normalisation", settings.normalisation, NORMALISATIONS)
+        _expect("aggregation.kind", settings.aggregation, AGGREGATIONS)
         self._raster = make_raster(settings.raster)
         self.representation = make_representation(
             self._raster, settings.angles, settings.bins, settings.pool
         )
         self.encoder = CircularUNet(
             settings.widths,
+            out_channels=channels_for(settings.aggregation, settings.bins // settings.pool),
             convolutions=settings.convolutions,
             norm=settings.norm,
             tau_padding=settings.tau_padding,
         )
+        self.aggregate = AGGREGATIONS[settings.aggregation]
         self.normalise = NORMALISATIONS[settings.normalisation]
 
     @property
@@ -92,7 +92,7 @@ class DeepRing(nn.Module):
         """Descriptors M_f (b, θ, ω) of rasters (b, *raster.shape)."""
         image = self.representation(rasters)
         feature = self.encoder(image)
-        return self.normalise(row_dft_magnitude(feature.squeeze(1)))
+        return self.normalise(self.aggregate(feature))
 
     @torch.no_grad()
     def describe(self, rasters: Tensor) -> Tensor:
@@ -108,3 +108,8 @@ class DeepRing(nn.Module):
         """Correlation at the best rotation (Eq. 8), and that rotation."""
         match = circular_cross_correlation(queries, database)
         return Comparison(match.score, shift_to_yaw(match.shift, queries.shape[-2]))
+
+
+def _expect(name: str, value: str, choices: dict[str, Any]) -> None:
+    if value not in choices:
+        raise DeepringError(f"{name}: {value!r}, expected one of {', '.join(choices)}")

@@ -1,0 +1,87 @@
+"""`deepring train` and `deepring evaluate`: Hydra composes, one function runs, a table tells."""
+
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig
+
+from deepring.cli.report import console, mistakes_reported
+from deepring.evaluation.results import Result
+from deepring.evaluation.tables import render, render_radii
+from deepring.experiment.config import Config, check_config, counted_over
+from deepring.experiment.run_folder import open_run_folder
+
+
+def config_folder() -> Path:
+    """The packaged ``conf/``, or the checkout's where the package runs from one."""
+    package = Path(__file__).resolve().parents[1]
+    packaged = package / "conf"
+    return packaged if packaged.is_dir() else package.parents[1] / "conf"
+
+
+def train_command(arguments: Sequence[str]) -> None:
+    """``deepring train [KEY=VALUE ...]``."""
+    _run_hydra("train", _train, arguments)
+
+
+def evaluate_command(arguments: Sequence[str]) -> None:
+    """``deepring evaluate [checkpoint=FILE] [KEY=VALUE ...]``."""
+    _run_hydra("evaluate", _evaluate, arguments)
+
+
+def _run_hydra(name: str, task: Callable[[DictConfig], None], arguments: Sequence[str]) -> None:
+    sys.argv = [f"deepring {name}", *arguments]
+    # Lightning calls what torch has renamed; not the user's concern.
+    warnings.filterwarnings("ignore", message=".*LeafSpec.*")
+    hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=name)(task)()
+
+
+@mistakes_reported
+def _train(composed: DictConfig) -> None:
+    from deepring.experiment.train import train
+
+    cfg = check_config(composed)
+    trained = train(cfg, run_folder())
+    if trained.results:
+        show(cfg, trained.results)
+    console.print(f"checkpoint   {trained.checkpoint}")
+    show_folder(trained.folder)
+
+
+@mistakes_reported
+def _evaluate(composed: DictConfig) -> None:
+    from deepring.experiment.evaluate import evaluate
+
+    cfg = check_config(composed)
+    folder = run_folder()
+    open_run_folder(cfg, folder)
+    checkpoint = None if cfg.checkpoint is None else Path(cfg.checkpoint)
+    show(cfg, evaluate(cfg, folder, checkpoint))
+    show_folder(folder)
+
+
+def run_folder() -> Path:
+    """The folder that Hydra made for this run, relative to where the command was started."""
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
+
+
+def show(cfg: Config, results: list[Result]) -> None:
+    """Print the headline table and, below it, Recall@1 by radius."""
+    over = counted_over(cfg)
+    console.print(render(results, cfg.evaluation.radii[0], over))
+    if len(cfg.evaluation.radii) > 1:
+        console.print(render_radii(results, over))
+
+
+def show_folder(folder: Path) -> None:
+    """Say where everything lies."""
+    console.print(f"results      {folder / 'results.csv'}")
+    if (folder / "figures").is_dir():
+        console.print(f"pictures     {folder / 'figures'}")
+    console.print(f"config       {folder / 'config.yaml'}")
+    console.print(f"tensorboard  tensorboard --logdir {folder.parent}")

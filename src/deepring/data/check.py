@@ -1,0 +1,183 @@
+"""Check a data set before work starts: read every scan once and report what each session holds."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from deepring.data.formats import detect_format, list_sessions, open_session
+from deepring.data.scan import Session
+from deepring.data.trajectory import NANOSECONDS
+from deepring.errors import BrokenScanError, DeepringError
+
+TIME_GAP_S = 1.0  # drives are recorded at 5 to 10 scans a second
+JUMP_M = 10.0  # between scans that follow each other
+SHOWN = 5  # broken files named in the text
+
+Progress = Callable[[str, int, int], None]
+"""Called after each scan with the session's name, the scans read so far and the scans in all."""
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Steps between consecutive scans that exceed a limit."""
+
+    count: int = 0
+    largest: float = 0.0  # of the steps counted, in seconds or metres; 0 where there is none
+
+
+@dataclass(frozen=True)
+class SessionReport:
+    """What the check of one session found. Scans without a pose or with an impossible size are
+    outside ``scans``; those that failed while being read are inside it."""
+
+    name: str
+    format: str
+    scans: int = 0  # with a pose and a possible size
+    readable: int = 0  # of these, decoded without an error
+    without_pose: int = 0
+    bad_poses: int = 0  # pose rows dropped or out of place
+    broken: tuple[str, ...] = ()  # every file that cannot be used, with its reason
+    span_s: float | None = None  # first to last scan; None without time stamps
+    path_m: float = 0.0  # sum of the planar steps between scans
+    time_gaps: Gaps | None = None  # steps > 1 s; None without time stamps
+    jumps: Gaps = Gaps()  # steps > 10 m
+    points: tuple[int, float, int] | None = None  # minimum, median, maximum per readable scan
+    problem: str | None = None  # why the session cannot be opened at all
+
+    @property
+    def usable(self) -> bool:
+        """Whether there is a scan that has a pose and can be read."""
+        return self.readable > 0
+
+
+def check(
+    root: Path | str,
+    format: str | None = None,
+    session: str | None = None,
+    progress: Progress | None = None,
+) -> list[SessionReport]:
+    """Read every scan of the sessions in ``root``, one in memory at a time, and report on each.
+
+    ``format`` is told from the folder where it is None; ``session`` limits the check to one. A
+    session that cannot be opened gets a report with its ``problem``; a folder without any, an
+    unknown format or session raises DeepringError.
+    """
+    format = format or detect_format(root)
+    names = list_sessions(format, root)
+    if session is not None and session not in names:
+        raise DeepringError(
+            f"session = {session!r} is not in {root}; expected one of {', '.join(names)}"
+        )
+    return [
+        _check_session(format, root, name, progress)
+        for name in (names if session is None else [session])
+    ]
+
+
+def _check_session(
+    format: str, root: Path | str, name: str, progress: Progress | None
+) -> SessionReport:
+    try:
+        session = open_session(format, root, name)
+    except DeepringError as error:
+        return SessionReport(name=name, format=format, problem=str(error))
+    counts, unreadable = _read_all(session, progress)
+    steps_m = np.linalg.norm(np.diff(session.positions, axis=0), axis=1)
+    span, time_gaps = None, None
+    if session.stamps is not None:
+        span = float(session.stamps[-1] - session.stamps[0]) / NANOSECONDS
+        time_gaps = _gaps(np.diff(session.stamps) / NANOSECONDS, TIME_GAP_S)
+    return SessionReport(
+        name=name,
+        format=format,
+        scans=len(session),
+        readable=len(counts),
+        without_pose=session.omissions.without_pose,
+        bad_poses=session.omissions.bad_poses,
+        broken=session.omissions.broken + tuple(unreadable),
+        span_s=span,
+        path_m=float(steps_m.sum()),
+        time_gaps=time_gaps,
+        jumps=_gaps(steps_m, JUMP_M),
+        points=(min(counts), float(np.median(counts)), max(counts)) if counts else None,
+    )
+
+
+def _read_all(session: Session, progress: Progress | None) -> tuple[list[int], list[str]]:
+    """Points of each scan that can be read, and the reasons of those that cannot."""
+    counts: list[int] = []
+    broken: list[str] = []
+    for index in range(len(session)):
+        try:
+            counts.append(len(session.points(index)))
+        except BrokenScanError as error:
+            broken.append(str(error))
+        if progress is not None:
+            progress(session.name, index + 1, len(session))
+    return counts, broken
+
+
+def _gaps(steps: np.ndarray, limit: float) -> Gaps:
+    beyond = steps[steps > limit]
+    return Gaps(len(beyond), float(beyond.max())) if len(beyond) else Gaps()
+
+
+def report_lines(reports: Sequence[SessionReport]) -> list[str]:
+    """Plain text: one table with a row a session, then what is wrong with each, line by line."""
+    header = ("session", "scans", "no pose", "broken", "bad poses", "time", "path", "points/scan")
+    rows = [header, *(_row(report) for report in reports)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(header))]
+    lines = [_aligned(row, widths) for row in rows]
+    lines.insert(1, "  ".join("-" * width for width in widths))
+    for report in reports:
+        lines += _details(report)
+    return lines
+
+
+def _aligned(row: Sequence[str], widths: Sequence[int]) -> str:
+    name, *numbers = (
+        cell.ljust(width) if column == 0 else cell.rjust(width)
+        for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+    )
+    return "  ".join([name, *numbers]).rstrip()
+
+
+def _row(report: SessionReport) -> tuple[str, ...]:
+    if report.problem is not None:
+        return (report.name, *["-"] * 7)
+    points = "-"
+    if report.points is not None:
+        low, median, high = report.points
+        points = f"{low} / {median:.0f} / {high}"
+    return (
+        report.name,
+        str(report.scans),
+        str(report.without_pose),
+        str(len(report.broken)),
+        str(report.bad_poses),
+        "-" if report.span_s is None else f"{report.span_s:.1f} s",
+        f"{report.path_m:.0f} m",
+        points,
+    )
+
+
+def _details(report: SessionReport) -> list[str]:
+    lines = []
+    if report.problem is not None:
+        lines.append(f"{report.name}: cannot be opened: {report.problem}")
+    elif not report.usable:
+        lines.append(f"{report.name}: not usable: none of its {report.scans} scans can be read")
+    if report.time_gaps is not None and report.time_gaps.count:
+        count, largest = report.time_gaps.count, report.time_gaps.largest
+        lines.append(
+            f"{report.name}: {count} time gaps > {TIME_GAP_S:g} s, largest {largest:.1f} s"
+        )
+    if report.jumps.count:
+        count, largest = report.jumps.count, report.jumps.largest
+        lines.append(f"{report.name}: {count} jumps > {JUMP_M:g} m, largest {largest:.1f} m")
+    lines += [f"{report.name}: broken: {reason}" for reason in report.broken[:SHOWN]]
+    if len(report.broken) > SHOWN:
+        lines.append(f"{report.name}: ... and {len(report.broken) - SHOWN} more broken files")
+    return lines

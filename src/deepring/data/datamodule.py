@@ -1,0 +1,143 @@
+"""Episodes to train on and retrieval sets to validate on, as a LightningDataModule."""
+
+import logging
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from typing import NamedTuple
+
+import lightning as L
+import numpy as np
+import torch
+from torch.utils.data import DataLoader
+
+from deepring.core.rasters import Raster
+from deepring.data.cache import RasterCache, Rasters, ScanSet
+from deepring.data.dataset import PlaceDataset, distances_between
+from deepring.data.episodes import (
+    Episode,
+    EpisodeDataset,
+    EpisodeOrder,
+    EpisodeSettings,
+    Places,
+)
+from deepring.errors import DeepringError
+from deepring.progress import progress_bar
+
+log = logging.getLogger(__name__)
+
+Bar = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
+
+
+class RetrievalBatch(NamedTuple):
+    """One validation set as a batch."""
+
+    database: torch.Tensor
+    """(d, *raster.shape)."""
+    query: torch.Tensor
+    """(q, *raster.shape)."""
+    distances: torch.Tensor
+    """(q, d) float32 metres between the positions."""
+
+
+def load_rasters(
+    cache: RasterCache, scans: ScanSet, raster: Raster, what: str, bar: Bar = progress_bar
+) -> tuple[ScanSet, Rasters]:
+    """Rasters of a scan set; broken scans are left out and reported. All broken is an error."""
+    with bar(what) as progress:
+        kept, rasters, broken = cache.load(scans, raster, progress)
+    if not len(kept):
+        raise DeepringError(f"{what}: none of {len(scans)} scans can be read; first: {broken[0]}")
+    if broken:
+        log.warning("%s: left out %d broken scans; first: %s", what, len(broken), broken[0])
+    return kept, rasters
+
+
+class PlaceDataModule(L.LightningDataModule):
+    """N-way episodes from the training regions of one or several datasets.
+
+    Args:
+        datasets: what to train on; each gives a validation set unless its share is 0.
+        raster: the image of a scan that the method takes.
+        episode: the episode.
+        cache: where rasters are kept.
+        seed: of the episodes.
+        workers: processes that draw episodes; 0 draws them in the training process.
+    """
+
+    def __init__(
+        self,
+        datasets: Sequence[PlaceDataset],
+        raster: Raster,
+        episode: EpisodeSettings,
+        cache: RasterCache,
+        seed: int = 0,
+        workers: int = 0,
+    ) -> None:
+        super().__init__()
+        self.datasets, self.raster, self.episode = datasets, raster, episode
+        self.cache, self.seed, self.workers = cache, seed, workers
+        self.validation: dict[str, RetrievalBatch] = {}
+
+    def prepare_data(self) -> None:
+        """Fill the cache, in one process of a node."""
+        for dataset in self.datasets:
+            for scans in dataset.training():
+                what = f"{dataset.name} {scans.session.name}: training scans"
+                load_rasters(self.cache, scans, self.raster, what)
+
+    def setup(self, stage: str) -> None:
+        """Load what the training regions hold. Raises DeepringError where it is too little."""
+        if stage != "fit":
+            return
+        positions, owners, data = [], [], []
+        for number, dataset in enumerate(self.datasets):
+            for scans in dataset.training():
+                kept, rasters, _ = self.cache.load(scans, self.raster)
+                # Around each dataset's own origin, so that UTM keeps its precision.
+                positions.append(kept.positions - dataset.database.positions[0])
+                owners.append(np.full(len(kept), number, dtype=np.int64))
+                data.append(rasters.data)
+        places = Places(np.concatenate(positions), np.concatenate(owners), self.episode)
+        places.sample(np.random.default_rng([self.seed, 0]))  # fail here, not in a worker
+        rasters = Rasters(np.concatenate(data), self.raster)
+        self.train_set = EpisodeDataset(places, rasters, self.seed)
+        self.validation = {
+            dataset.name: self._validation_batch(dataset)
+            for dataset in self.datasets
+            if dataset.has_validation
+        }
+        log.info("training pool: %d scans, %d anchors", len(rasters), len(places.anchors))
+
+    def _validation_batch(self, dataset: PlaceDataset) -> RetrievalBatch:
+        split = dataset.retrieval("validation")
+        database, d = load_rasters(
+            self.cache, split.database, self.raster, f"{dataset.name}: validation database"
+        )
+        query, q = load_rasters(
+            self.cache, split.query, self.raster, f"{dataset.name}: validation queries"
+        )
+        everything = slice(None)
+        return RetrievalBatch(
+            d[everything], q[everything], distances_between(query.positions, database)
+        )
+
+    def train_dataloader(self) -> DataLoader[Episode]:
+        """Episodes of an epoch; each distributed process takes its own."""
+        rank, world = (
+            (self.trainer.global_rank, self.trainer.world_size) if self.trainer else (0, 1)
+        )
+        order = EpisodeOrder(self.episode.per_epoch, rank, world)
+        return DataLoader(
+            self.train_set,
+            batch_size=None,
+            sampler=order,
+            num_workers=self.workers,
+            persistent_workers=self.workers > 0,
+        )
+
+    def val_dataloader(self) -> list[DataLoader[RetrievalBatch]]:
+        """One loader a validation set, each of one batch; `validation` holds their names."""
+        return [
+            DataLoader([batch], batch_size=None)  # type: ignore[arg-type]
+            for batch in self.validation.values()
+        ]

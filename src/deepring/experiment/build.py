@@ -1,0 +1,131 @@
+"""From config values to objects: the one place where things are made of a config."""
+
+from pathlib import Path
+from typing import Any
+
+import lightning as L
+from hydra.errors import InstantiationException
+from hydra.utils import instantiate
+from lightning.pytorch.loggers import Logger
+from omegaconf import OmegaConf
+
+from deepring.core.rasters import make_raster, raster_settings
+from deepring.data.cache import RasterCache
+from deepring.data.datamodule import PlaceDataModule
+from deepring.data.dataset import PlaceDataset
+from deepring.data.episodes import EpisodeSettings
+from deepring.errors import DeepringError
+from deepring.experiment.config import Config
+from deepring.methods.base import Method
+from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.training.module import DeepRingModule
+
+
+def plain(node: Any) -> Any:
+    """Config values as plain dicts, lists and numbers."""
+    return OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
+
+
+def make(node: Any, what: str, *args: Any, **kwargs: Any) -> Any:
+    """Hydra's instantiate; a wrong argument is a DeepringError that names the config key."""
+    try:
+        return instantiate(node, *args, **kwargs)
+    except InstantiationException as error:
+        cause = error.__cause__
+        if isinstance(cause, DeepringError):
+            raise cause from None
+        reason = str(cause or error).splitlines()[0]
+        raise DeepringError(f"{what}: cannot be made of {plain(node)}: {reason}") from error
+
+
+def test_dataset(cfg: Config) -> PlaceDataset:
+    """The dataset to test on."""
+    return PlaceDataset(cfg.data)
+
+
+def train_datasets(cfg: Config) -> list[PlaceDataset]:
+    """The datasets to train on: ``train_data``, or ``data`` where that is empty."""
+    chosen = list(cfg.train_data.values()) or [cfg.data]
+    return [PlaceDataset(config) for config in chosen]
+
+
+def deepring_settings(cfg: Config) -> DeepRingSettings:
+    """What makes the network's descriptors. Raises DeepringError on values that do not fit."""
+    r = cfg.representation
+    values = {**plain(r.raster), "preprocessing": plain(cfg.preprocessing)}
+    return DeepRingSettings(
+        raster=raster_settings(make_raster(values)),
+        angles=r.angles,
+        bins=r.bins,
+        pool=r.pool,
+        aggregation=cfg.aggregation.kind,
+        normalisation=cfg.similarity.normalisation,
+        **plain(cfg.encoder),
+    )
+
+
+def raster_cache(cfg: Config) -> RasterCache:
+    """The cache of this machine."""
+    return RasterCache(Path(cfg.paths.cache))
+
+
+def datamodule(
+    cfg: Config, datasets: list[PlaceDataset], settings: DeepRingSettings
+) -> PlaceDataModule:
+    """Episodes and validation sets of the training datasets."""
+    return PlaceDataModule(
+        datasets,
+        make_raster(settings.raster),
+        EpisodeSettings(**plain(cfg.episode)),
+        raster_cache(cfg),
+        seed=cfg.seed,
+        workers=cfg.workers,
+    )
+
+
+def module(cfg: Config, datasets: list[PlaceDataset], settings: DeepRingSettings) -> DeepRingModule:
+    """The network under training."""
+    return DeepRingModule(
+        settings.to_dict(),
+        validation=[dataset.name for dataset in datasets if dataset.has_validation],
+        temperature_scale=cfg.similarity.temperature_scale,
+        loss=make(cfg.loss, "loss"),
+        optimizer=make(cfg.optimizer, "optimizer"),
+        scheduler=None if cfg.scheduler is None else make(cfg.scheduler, "scheduler"),
+        radius=cfg.evaluation.radii[0],
+    )
+
+
+def trainer(cfg: Config, folder: Path) -> L.Trainer:
+    """Lightning's trainer with the configured callbacks and logger, writing below ``folder``."""
+    callbacks = [make(node, f"callbacks.{name}") for name, node in cfg.callbacks.items() if node]
+    logger: Logger | bool = False if cfg.logger is None else make(cfg.logger, "logger")
+    return make(
+        cfg.trainer,
+        "trainer",
+        callbacks=callbacks,
+        logger=logger,
+        default_root_dir=str(folder),
+        # Each process draws its own episodes; see EpisodeOrder.
+        use_distributed_sampler=False,
+    )
+
+
+def methods(cfg: Config, deepring: DeepRing | None) -> dict[str, Method]:
+    """The methods to evaluate: the trained network, where there is one, and the configured."""
+    chosen: dict[str, Method] = {} if deepring is None else {"DeepRING": deepring}
+    for name, node in cfg.methods.items():
+        if node is None:
+            continue
+        values = plain(node)
+        raster = values.pop("raster", None)
+        label = values.pop("label", name)
+        # A partial first: instantiate would turn a raster given to it into a config.
+        method = make({**values, "_partial_": True}, f"methods.{name}")
+        chosen[label] = method() if raster is None else method(raster=make_raster(raster))
+    if not chosen:
+        raise DeepringError(
+            "methods: nothing to evaluate; give checkpoint=FILE or a method such as "
+            "+method@methods.ring=ring"
+        )
+    return chosen

@@ -1,0 +1,156 @@
+"""The configuration as types: a misspelt key or a value of the wrong type is refused."""
+
+from dataclasses import dataclass, field
+from typing import Any, cast, get_args
+
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from deepring.data.dataset import DatasetConfig
+from deepring.errors import DeepringError
+from deepring.evaluation.metrics import Over
+
+
+@dataclass
+class PreprocessingConfig:
+    """See `deepring.core.ground.Preprocessing`."""
+
+    height: tuple[float, float] = (-5.0, 20.0)
+    clearance: float | None = 0.5
+    window: int = 5
+    cell: float = 140.0 / 120
+    extent: float = 70.0
+
+
+@dataclass
+class RepresentationConfig:
+    """The raster (its kind and its fields), and the sinogram's angles, bins and pooling."""
+
+    raster: dict[str, Any] = field(default_factory=lambda: {"kind": "bev"})
+    angles: int = 120
+    bins: int = 120
+    pool: int = 1
+
+
+@dataclass
+class EncoderConfig:
+    """See `deepring.nn.unet.CircularUNet`."""
+
+    widths: list[int] = field(default_factory=lambda: [64, 128, 256, 512])
+    convolutions: int = 2
+    norm: str = "batch"
+    tau_padding: str = "circular"
+
+
+@dataclass
+class AggregationConfig:
+    """See `deepring.nn.aggregation`."""
+
+    kind: str = "dft"
+
+
+@dataclass
+class SimilarityConfig:
+    """Normalisation of the descriptor, and the start of the classifier's W."""
+
+    normalisation: str = "unit"
+    temperature_scale: float = 100.0
+
+
+@dataclass
+class EpisodeConfig:
+    """See `deepring.data.episodes.EpisodeSettings`."""
+
+    ways: int = 24
+    shots: int = 1
+    queries: int = 6
+    per_epoch: int = 60
+    same: float = 10.0
+    different: float = 20.0
+
+
+@dataclass
+class EvaluationConfig:
+    """Where, at which radii (metres; the first is the headline), and counted over what."""
+
+    region: str = "test"
+    radii: list[float] = field(default_factory=lambda: [10.0, 5.0, 15.0, 20.0, 25.0])
+    #: 'answerable' queries, or 'all': a query without an answer then counts as missed.
+    over: str = "answerable"
+    figures: bool = True
+
+
+@dataclass
+class PathsConfig:
+    """Folders, relative to where the command is started."""
+
+    outputs: str = "outputs"
+    datasets: str = "outputs/datasets"
+    cache: str = "outputs/cache"
+
+
+@dataclass
+class Config:
+    """Everything a run is made of."""
+
+    experiment_name: str = "train"
+    seed: int = 0
+    #: The dataset to test on, and to train on unless train_data names others.
+    data: DatasetConfig = field(default_factory=DatasetConfig)
+    train_data: dict[str, DatasetConfig] = field(default_factory=dict)
+    preprocessing: PreprocessingConfig = field(default_factory=PreprocessingConfig)
+    representation: RepresentationConfig = field(default_factory=RepresentationConfig)
+    encoder: EncoderConfig = field(default_factory=EncoderConfig)
+    aggregation: AggregationConfig = field(default_factory=AggregationConfig)
+    similarity: SimilarityConfig = field(default_factory=SimilarityConfig)
+    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
+    paths: PathsConfig = field(default_factory=PathsConfig)
+    # Built by hydra's instantiate, which checks their arguments.
+    loss: Any = None
+    optimizer: Any = None
+    scheduler: Any = None
+    trainer: Any = None
+    callbacks: dict[str, Any] = field(default_factory=dict)
+    logger: Any = None
+    #: Methods evaluated besides the trained network.
+    methods: dict[str, Any] = field(default_factory=dict)
+    #: Processes that draw episodes.
+    workers: int = 0
+    #: Evaluate the best checkpoint at the end of training.
+    test: bool = True
+    #: Resume training from this checkpoint.
+    resume: str | None = None
+    #: The trained network to evaluate; None evaluates the other methods alone.
+    checkpoint: str | None = None
+
+
+def counted_over(cfg: Config) -> Over:
+    """``evaluation.over``, checked."""
+    over = cfg.evaluation.over
+    if over not in get_args(Over):
+        raise DeepringError(f"evaluation.over: {over!r}, expected 'answerable' or 'all'")
+    return cast("Over", over)
+
+
+def check_config(composed: DictConfig) -> Config:
+    """The composed config as typed values; it stays a DictConfig underneath.
+
+    Raises DeepringError that names the key where a key is unknown, a value missing or of the
+    wrong type.
+    """
+    try:
+        schema = OmegaConf.structured(Config)
+        merged = OmegaConf.merge(schema, composed)
+        OmegaConf.resolve(merged)
+        missing = OmegaConf.missing_keys(merged)
+    except OmegaConfBaseException as error:
+        key = getattr(error, "full_key", None)
+        first = str(error).splitlines()[0]
+        raise DeepringError(f"config{f' key {key}' if key else ''}: {first}") from error
+    if missing:
+        names = ", ".join(sorted(missing))
+        raise DeepringError(f"config: no value for {names}; give it as {sorted(missing)[0]}=VALUE")
+    cfg = cast("Config", merged)
+    counted_over(cfg)
+    return cfg

@@ -1,0 +1,91 @@
+"""Evaluate methods on a region of a dataset, through one and the same code."""
+
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from deepring.core.rasters import Raster
+from deepring.data.datamodule import load_rasters
+from deepring.data.dataset import RetrievalSet
+from deepring.evaluation.protocol import Outcome, Side, Task, evaluate_method
+from deepring.evaluation.results import Result, write_results
+from deepring.evaluation.retrieval import describe_all
+from deepring.evaluation.tables import markdown, markdown_radii
+from deepring.experiment import build
+from deepring.experiment.config import Config, counted_over
+from deepring.experiment.pictures import evaluation_figures
+from deepring.methods.base import Method
+from deepring.training.module import load_deepring
+from deepring.viz.board import add_descriptors, write_board
+from deepring.viz.style import save
+
+log = logging.getLogger(__name__)
+
+
+def evaluate(cfg: Config, folder: Path, checkpoint: Path | None = None) -> list[Result]:
+    """Evaluate the network of ``checkpoint`` and the configured methods; one row a radius.
+
+    Writes ``results.csv``, ``results.md``, pictures and TensorBoard events below ``folder``.
+    Raises DeepringError on a user's mistake.
+    """
+    network = None if checkpoint is None else load_deepring(checkpoint)
+    methods = build.methods(cfg, network)
+    trained_on = "+".join(dataset.name for dataset in build.train_datasets(cfg))
+    split = build.test_dataset(cfg).retrieval(cfg.evaluation.region)
+
+    outcomes: list[tuple[Outcome, Task]] = []
+    for name, method in methods.items():
+        task = load_task(cfg, split, method.raster)
+        train = trained_on if method is network else ""
+        log.info("%s: %d queries in %d places", name, len(task.query), len(task.database))
+        outcomes.append((evaluate_method(name, method, task, cfg.evaluation.radii, train), task))
+
+    results = [row for outcome, _ in outcomes for row in outcome.results]
+    write_results(folder / "results.csv", results)
+    over = counted_over(cfg)
+    tables = [markdown(results, cfg.evaluation.radii[0], over), markdown_radii(results, over)]
+    (folder / "results.md").write_text("\n".join(tables))
+
+    figures = evaluation_figures(outcomes, split, network, over) if cfg.evaluation.figures else {}
+    for name, figure in figures.items():
+        save(figure, folder / "figures" / f"{name}.png")
+    board = folder / "tensorboard"
+    write_board(board, [outcome for outcome, _ in outcomes], figures, hyperparameters(cfg))
+    if network is not None:
+        add_database_embedding(board, network, outcomes[0][1])
+    return results
+
+
+def load_task(cfg: Config, split: RetrievalSet, raster: Raster) -> Task:
+    """The images of both sides as a method wants them, from the cache where they are there."""
+    cache = build.raster_cache(cfg)
+    sides = [
+        Side(*load_rasters(cache, scans, raster, f"{split.name} {split.region}: {what}"))
+        for scans, what in ((split.database, "database"), (split.query, "queries"))
+    ]
+    return Task(split.name, split.region, *sides)
+
+
+def add_database_embedding(board: Path, network: Method, task: Task) -> None:
+    """The database's descriptors for TensorBoard's projector, labelled by position."""
+    descriptors = describe_all(network, task.database.rasters).cpu()
+    labels = [f"{x:.0f}, {y:.0f}" for x, y in task.database.scans.ground_truth]
+    add_descriptors(board, descriptors, labels)
+
+
+def hyperparameters(cfg: Config) -> dict[str, bool | str | float | int]:
+    """What a sweep varies, flat, for TensorBoard's HPARAMS page."""
+    flat: dict[str, bool | str | float | int] = {"seed": cfg.seed, "data": cfg.data.name}
+    for group in ("representation", "encoder", "aggregation", "similarity", "episode"):
+        _flatten(group, build.plain(getattr(cfg, group)), flat)
+    return flat
+
+
+def _flatten(prefix: str, values: Mapping[str, Any], flat: dict[str, Any]) -> None:
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            _flatten(f"{prefix}.{key}", value, flat)
+        else:
+            known = isinstance(value, bool | str | float | int)
+            flat[f"{prefix}.{key}"] = value if known else str(value)

@@ -1,0 +1,76 @@
+"""The pictures of an evaluation, as PNG files and as figures for TensorBoard."""
+
+import math
+
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+
+from deepring.core.correlation import correlation_curves
+from deepring.core.radon import radon
+from deepring.core.rasters import BevRaster
+from deepring.core.rigid import turn_points
+from deepring.data.cache import ScanSet
+from deepring.data.dataset import RetrievalSet
+from deepring.evaluation.metrics import Over
+from deepring.evaluation.protocol import Outcome, Task
+from deepring.methods.base import Method
+from deepring.methods.deepring import DeepRing
+from deepring.methods.ring import Ring
+from deepring.viz.curves import precision_recall_figure, recall_radius_figure
+from deepring.viz.sinograms import sinogram_figure
+from deepring.viz.trajectory import trajectory_figure
+
+#: The turn of the twin in the sinogram pictures, degrees; no multiple of a θ step.
+TWIN_TURN = 100.0
+
+
+def evaluation_figures(
+    outcomes: list[tuple[Outcome, Task]], split: RetrievalSet, network: DeepRing | None, over: Over
+) -> dict[str, Figure]:
+    """PR curves, recall against radius, a hit/miss map a method, and sample sinograms."""
+    radius = outcomes[0][0].results[0].radius_m
+    rows = [row for outcome, _ in outcomes for row in outcome.results]
+    curves = {outcome.method: outcome.curve[:2] for outcome, _ in outcomes}
+    figures = {
+        "pr_curves": precision_recall_figure(curves, radius),
+        "recall_by_radius": recall_radius_figure(rows, over),
+    }
+    for outcome, task in outcomes:
+        found = outcome.retrieved
+        figures[f"hits_{outcome.method}"] = trajectory_figure(
+            task.database.scans.ground_truth[:, ::-1],
+            task.query.scans.ground_truth[:, ::-1],
+            found.distance <= radius,
+            found.nearest <= radius,
+            f"{outcome.method}: top-1 within {radius:g} m, {task.test} {task.region} region",
+            ("second ground-truth axis", "first ground-truth axis"),
+        )
+    method: Method = network if network is not None and _sees_bev(network) else Ring()
+    for k in np.linspace(0, len(split.query) - 1, 3).astype(int):
+        figures[f"sinogram_{k:04d}"] = twin_figure(method, split.query, int(k))
+    return figures
+
+
+def _sees_bev(method: Method) -> bool:
+    return isinstance(method.raster, BevRaster)
+
+
+def twin_figure(method: Method, scans: ScanSet, k: int) -> Figure:
+    """Scan ``k`` and itself turned: BEV, both sinograms, and the correlation of descriptors."""
+    raster = method.raster
+    assert isinstance(raster, BevRaster)
+    points = scans.session.points(int(scans.indices[k]))
+    turned = turn_points(points, math.radians(TWIN_TURN))
+    bev, twin = (torch.from_numpy(raster(p, scans.ground_z))[None] for p in (points, turned))
+    a, b = method.describe(bev).cpu(), method.describe(twin).cpu()
+    norm = torch.linalg.vector_norm(a) * torch.linalg.vector_norm(b)
+    curve = correlation_curves(b, a)[0, 0] / norm
+    return sinogram_figure(
+        bev[0].numpy(),
+        radon(bev, extent=raster.extent)[0].numpy(),
+        radon(twin, extent=raster.extent)[0].numpy(),
+        curve.numpy(),
+        raster.extent,
+        TWIN_TURN,
+    )

@@ -1,0 +1,60 @@
+"""What every run leaves behind: its config, its versions, and a `latest` link beside it."""
+
+import json
+import os
+import platform
+import subprocess
+import sys
+import time
+from importlib import metadata
+from pathlib import Path
+
+from omegaconf import OmegaConf
+
+from deepring.experiment.config import Config
+
+PACKAGES = ("deepring", "torch", "lightning", "hydra-core", "torchmetrics", "numpy", "scipy")
+
+
+def open_run_folder(cfg: Config, folder: Path) -> None:
+    """Write ``config.yaml`` and ``versions.json`` into ``folder``, and point `latest` at it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "config.yaml").write_text(OmegaConf.to_yaml(cfg, resolve=True))
+    (folder / "versions.json").write_text(json.dumps(versions(cfg.seed), indent=2) + "\n")
+    link_latest(folder)
+
+
+def versions(seed: int) -> dict[str, object]:
+    """Versions, seed, git commit and command line of this run."""
+    return {
+        "started": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+        "command": " ".join(sys.argv),
+        "seed": seed,
+        "git_commit": _git_commit(),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "packages": {name: metadata.version(name) for name in PACKAGES},
+    }
+
+
+def _git_commit() -> str | None:
+    """Commit of the checkout this package runs from, '+' where it has changes; None outside."""
+    here = Path(__file__).parent
+    try:
+        commit = subprocess.run(
+            ["git", "rev-parse", "HEAD"], cwd=here, capture_output=True, text=True, check=True
+        ).stdout.strip()
+        changes = subprocess.run(
+            ["git", "status", "--porcelain"], cwd=here, capture_output=True, text=True, check=True
+        ).stdout
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return commit + ("+" if changes else "")
+
+
+def link_latest(folder: Path) -> None:
+    """Point ``latest`` beside ``folder`` at it, in one step."""
+    fresh = folder.parent / f".latest-{os.getpid()}"
+    fresh.unlink(missing_ok=True)
+    fresh.symlink_to(folder.name, target_is_directory=True)
+    fresh.replace(folder.parent / "latest")

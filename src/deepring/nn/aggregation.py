@@ -1,0 +1,45 @@
+"""From the feature map to the descriptor: aggregation over τ (paper, Sec. III-B and VI-D).
+
+Each takes E_f (b, c, θ, τ) and gives (b, θ, m), one row of features for each direction.
+"""
+
+from collections.abc import Callable
+
+from torch import Tensor
+
+from deepring.core.spectrum import column_dft_magnitude, row_dft_magnitude
+
+
+def dft(feature: Tensor) -> Tensor:
+    """Row-wise DFT magnitude: translation leaves with the phase."""
+    magnitude = row_dft_magnitude(feature)
+    return magnitude.transpose(1, 2).flatten(2)
+
+
+def dft2(feature: Tensor) -> Tensor:
+    """A further column-wise DFT: rotation leaves too, so that L2 can compare."""
+    return column_dft_magnitude(dft(feature))
+
+
+def gap(feature: Tensor) -> Tensor:
+    """Global average over τ, one value a channel."""
+    return feature.mean(dim=-1).transpose(1, 2)
+
+
+def gmp(feature: Tensor) -> Tensor:
+    """Global maximum over τ, one value a channel."""
+    return feature.amax(dim=-1).transpose(1, 2)
+
+
+AGGREGATIONS: dict[str, Callable[[Tensor], Tensor]] = {
+    "dft": dft,
+    "dft2": dft2,
+    "gap": gap,
+    "gmp": gmp,
+    "multi_gap": gap,
+}
+
+
+def channels_for(aggregation: str, bins: int) -> int:
+    """Channels of the last convolution: multi-GAP gets as many values a row as the DFT has."""
+    return bins // 2 + 1 if aggregation == "multi_gap" else 1

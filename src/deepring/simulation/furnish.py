@@ -1,0 +1,119 @@
+"""What stands along one side of a street: buildings, trees, poles, walls, clutter, cars."""
+
+import numpy as np
+
+from deepring.simulation.buildings import Building
+from deepring.simulation.shapes import DATABASE, QUERY
+from deepring.simulation.yard import Character, Side, Yard
+
+_AT_CROSSING = 6.0  # buildings keep this distance from the crossing street's corridor (metres)
+
+
+def place_buildings(
+    side: Side, prototypes: list[Building], character: Character, yard: Yard
+) -> None:
+    """Line the side with copies of the prototypes, some mirrored, at varying setback."""
+    corridor = yard.settings.corridor
+    end = side.length - corridor - _AT_CROSSING
+    position = corridor + _AT_CROSSING + yard.between(0.0, 6.0)
+    while True:
+        building = prototypes[int(yard.rng.integers(len(prototypes)))]
+        if position + building.width > end:
+            return
+        setback = corridor + character.setback + yard.between(4.0, 7.0)
+        if yard.chance(yard.settings.building_share * character.built):
+            front = side.at(position + building.width / 2, setback)
+            _place_building(side, building, front, character.height, yard)
+        position += building.width + yard.between(3.0, 12.0)
+
+
+def _place_building(
+    side: Side, building: Building, front: tuple[float, float], tall: float, yard: Yard
+) -> None:
+    """Copy a prototype to the plot whose front has its middle at ``front``."""
+    mirror = -1.0 if yard.chance(0.5) else 1.0
+    shade = yard.between(0.3, 0.7)
+    plot = Side(np.array(front), side.along, side.away, building.width)
+    for part in (*building.walls, *building.facade):
+        changed = yard.settings.structures_changed if part in building.facade else 0.0
+        size = (part.length, part.depth, part.height * tall)
+        place = plot.at(mirror * part.along, part.away)
+        yard.box(place, size, side.yaw, shade, yard.session(changed))
+
+
+def place_trees(side: Side, character: Character, yard: Yard) -> None:
+    """A row of trees beside the street, with gaps, and now and then a grove behind it."""
+    row = yard.settings.corridor + yard.between(0.8, 2.5)
+    position = yard.between(2.0, yard.settings.tree_spacing)
+    while position < side.length:
+        if yard.chance(0.7 * character.trees):
+            _place_tree(side.at(position, row + yard.between(-0.3, 0.8)), yard)
+        position += yard.settings.tree_spacing * yard.between(0.7, 1.5)
+    if yard.chance(0.35 * character.trees):
+        middle, behind = yard.between(0.2, 0.8) * side.length, row + yard.between(12.0, 22.0)
+        for _ in range(int(yard.rng.integers(4, 10))):
+            spot = side.at(middle + yard.between(-9.0, 9.0), behind + yard.between(-7.0, 7.0))
+            _place_tree(spot, yard)
+
+
+def _place_tree(place: tuple[float, float], yard: Yard) -> None:
+    sessions = yard.session(yard.settings.trees_changed)
+    base, top = yard.between(2.0, 3.5), yard.between(5.0, 10.0)
+    radius, depth = yard.between(1.6, 4.0), yard.between(1.0, 2.5)
+    yard.post(place, yard.between(0.12, 0.35), base + 1.0, sessions)
+    yard.crown(place, radius, (base, top), depth, sessions)
+
+
+def place_structures(side: Side, yard: Yard) -> None:
+    """Poles at the kerb, stretches of wall, sheds and small clutter."""
+    changed, kerb = yard.settings.structures_changed, yard.settings.corridor + 0.3
+    position = yard.between(5.0, 30.0)
+    while position < side.length:
+        yard.post(side.at(position, kerb), yard.between(0.08, 0.2), yard.between(4.0, 9.0))
+        position += yard.between(22.0, 38.0)
+    for _ in range(int(yard.rng.poisson(side.length / 90.0))):
+        size = (yard.between(6.0, 16.0), 0.3, yard.between(1.2, 2.6))
+        _scatter(side, size, (2.5, 4.0), yard, changed)
+    for _ in range(int(yard.rng.poisson(side.length / 80.0))):
+        size = (yard.between(2.0, 6.5), yard.between(2.0, 3.5), yard.between(2.2, 3.5))
+        _scatter(side, size, (3.0, 26.0), yard, changed)
+    for _ in range(int(yard.rng.poisson(side.length / 20.0))):
+        size = (yard.between(0.4, 1.8), yard.between(0.4, 0.9), yard.between(0.7, 1.6))
+        _scatter(side, size, (0.5, 4.0), yard, changed)
+
+
+def _scatter(
+    side: Side,
+    size: tuple[float, float, float],
+    band: tuple[float, float],
+    yard: Yard,
+    changed: float,
+) -> None:
+    """Put one box somewhere along the side, ``band`` metres beyond the corridor."""
+    away = yard.settings.corridor + size[1] / 2 + yard.between(*band)
+    place = side.at(yard.between(0.0, side.length), away)
+    turned = side.yaw + yard.between(-0.05, 0.05)
+    yard.box(place, size, turned, yard.between(0.2, 0.6), yard.session(changed))
+
+
+def park_cars(side: Side, yard: Yard, cars: Yard) -> None:
+    """Fill a row of parking slots in each session anew.
+
+    Where the slots are is drawn by ``yard``, which car stands in them by ``cars``.
+    """
+    if not yard.chance(0.5):
+        return
+    row, position = yard.settings.corridor + 1.2, yard.between(12.0, 30.0)
+    end = yard.between(0.5, 1.0) * side.length - 12.0
+    while position < end:
+        for session in (DATABASE, QUERY):
+            if cars.chance(yard.settings.parking_share):
+                _park(side.at(position + cars.between(-0.4, 0.4), row), side.yaw, cars, session)
+        position += 6.0
+
+
+def _park(place: tuple[float, float], yaw: float, cars: Yard, session: int) -> None:
+    van = cars.chance(0.15)
+    height = cars.between(2.0, 2.6) if van else cars.between(1.4, 1.8)
+    size = (cars.between(4.8, 5.6) if van else cars.between(3.8, 4.8), 1.8, height)
+    cars.box(place, size, yaw + cars.between(-0.04, 0.04), cars.between(0.2, 0.9), session)

@@ -1,0 +1,267 @@
+"""Rays against upright prisms and the ground, one vertical column of beams at a time.
+
+A world of upright prisms is 2.5-D: in the vertical plane of one azimuth every prism is a rectangle
+from an entry to an exit distance and from bottom to top. So each pair of a prism and an azimuth
+needs one test in the plane; only pairs that hit are spread over the beams they cover.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deepring.simulation.ground import Ground
+from deepring.simulation.shapes import Prisms
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+#: Hit codes besides a prism's index.
+GROUND, NOTHING = -1, -2
+
+_GROUND_RINGS = 48  # radii at which the ground's profile is sampled
+_GROUND_STRIDE = 4  # the profile is computed for every fourth azimuth and interpolated between
+
+
+@dataclass(frozen=True, eq=False)
+class Fan:
+    """Rays in columns: C azimuths in equal counter-clockwise steps over the circle, B beams each.
+
+    ``first`` is the world heading (rad) of column 0. ``slopes`` (C, B) are the tangents of the
+    beams' world elevations, ascending along B.
+    """
+
+    first: float
+    slopes: FloatArray
+
+    @property
+    def headings(self) -> FloatArray:
+        """World heading (C,) of each column (rad)."""
+        return self.first + self.step * np.arange(len(self.slopes), dtype=np.float64)
+
+    @property
+    def step(self) -> float:
+        """Angle between neighbouring columns (rad)."""
+        return 2 * np.pi / len(self.slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """A prism seen in a column: indices, and entry and exit distance in the plane; all (n,)."""
+
+    prism: IntArray
+    column: IntArray
+    entry: FloatArray
+    exit: FloatArray
+
+    def keep(self, index: NDArray) -> "Pairs":
+        """The pairs that ``index`` selects."""
+        parts = (self.prism, self.column, self.entry, self.exit)
+        return Pairs(*(part[index] for part in parts))
+
+
+def cast(
+    fan: Fan,
+    origin: FloatArray,
+    prisms: Prisms,
+    ground: Ground,
+    max_range: float,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, IntArray]:
+    """First surface that each ray meets within ``max_range`` (metres) of ``origin`` (3,).
+
+    Returns horizontal distances (C, B) in metres, inf without a hit, and what was hit (C, B):
+    a prism's index, GROUND or NOTHING. Prisms around the origin are looked through. ``rng``
+    draws how deep beams reach into crowns.
+    """
+    near = np.flatnonzero(
+        np.hypot(prisms.x - origin[0], prisms.y - origin[1]) - prisms.reach < max_range
+    )
+    close = prisms[near]
+    distance: FloatArray = _ground_distance(fan, origin, ground, max_range).ravel()
+    hit = np.where(np.isfinite(distance), GROUND, NOTHING)
+
+    pairs = _cross(_candidates(fan, origin, close), fan, origin, close)
+    first, last = _beams_covered(pairs, fan, origin[2], close)
+    visible = _not_hidden(pairs, last, fan, origin[2], close) & (last > first)
+    pairs, first, last = pairs.keep(visible), first[visible], last[visible]
+
+    pair, ray = _spread(pairs, first, last, fan)
+    reached = _surface_distance(pairs, pair, fan.slopes.ravel()[ray], origin[2], close, rng)
+    np.minimum.at(distance, ray, reached)
+    nearest = (reached == distance[ray]) & np.isfinite(reached)
+    hit[ray[nearest]] = near[pairs.prism[pair[nearest]]]
+
+    distance = distance.reshape(fan.slopes.shape)
+    far = distance * np.sqrt(1 + fan.slopes**2) > max_range
+    distance[far] = np.inf
+    return distance, np.where(far, NOTHING, hit.reshape(fan.slopes.shape))
+
+
+def _ground_distance(fan: Fan, origin: FloatArray, ground: Ground, max_range: float) -> FloatArray:
+    """Horizontal distance (C, B) at which each beam meets the ground; inf where it does not.
+
+    Of the profile's slopes as seen from the origin the running maximum is kept, so a crest hides
+    what lies behind it; a beam meets the ground where that maximum reaches the beam's slope.
+    """
+    columns = len(fan.slopes)
+    radii = np.concatenate([[0.0], np.geomspace(0.8, max_range, _GROUND_RINGS)])
+    coarse = fan.headings[::_GROUND_STRIDE]
+    heights = ground.height(
+        origin[0] + np.cos(coarse)[:, None] * radii, origin[1] + np.sin(coarse)[:, None] * radii
+    )
+    seen = np.full(heights.shape, -20.0)  # steeper than any beam: straight below the sensor
+    seen[:, 1:] = (heights[:, 1:] - origin[2]) / radii[1:]
+    profile = np.maximum.accumulate(_between(seen, columns), axis=1)
+
+    # One sorted search for all columns: each is lifted clear of the one before.
+    lift = 100.0 * np.arange(columns)[:, None]
+    place = np.searchsorted((profile + lift).ravel(), (fan.slopes + lift).ravel())
+    ring = place.reshape(fan.slopes.shape) - profile.shape[1] * np.arange(columns)[:, None]
+    met = ring < len(radii)
+    ring = np.clip(ring, 1, len(radii) - 1)
+    before = np.take_along_axis(profile, ring - 1, axis=1)
+    after = np.take_along_axis(profile, ring, axis=1)
+    # Between two radii the ground is a straight line: height above it falls linearly to zero.
+    above = (fan.slopes - before) * radii[ring - 1]
+    below = (after - fan.slopes) * radii[ring]
+    above = np.where(ring == 1, _height_above(origin, ground), above)
+    share = above / np.maximum(above + below, 1e-12)
+    distance = radii[ring - 1] + share * (radii[ring] - radii[ring - 1])
+    return np.where(met, distance, np.inf)
+
+
+def _height_above(origin: FloatArray, ground: Ground) -> float:
+    return float(origin[2] - ground.height(origin[0], origin[1]))
+
+
+def _between(coarse: FloatArray, columns: int) -> FloatArray:
+    """Rows (C, n) interpolated around the circle from every ``_GROUND_STRIDE``-th row."""
+    index = np.arange(columns)
+    left = index // _GROUND_STRIDE
+    right = (left + 1) % len(coarse)
+    width = np.minimum(_GROUND_STRIDE, columns - left * _GROUND_STRIDE)
+    share = ((index % _GROUND_STRIDE) / width)[:, None]
+    return (1 - share) * coarse[left] + share * coarse[right]
+
+
+def _candidates(fan: Fan, origin: FloatArray, prisms: Prisms) -> tuple[IntArray, IntArray]:
+    """Prism and column of every pair whose footprint's circle the column may cross."""
+    dx, dy = prisms.x - origin[0], prisms.y - origin[1]
+    distance = np.hypot(dx, dy)
+    around = distance <= prisms.reach
+    half = np.arcsin(np.where(around, 1.0, prisms.reach / np.maximum(distance, 1e-9)))
+    half[around] = np.pi
+    start = (np.arctan2(dy, dx) - half - fan.first) / fan.step
+    begin = np.ceil(start).astype(np.int64)
+    count = np.floor(start + 2 * half / fan.step).astype(np.int64) - begin + 1
+    count = np.clip(count, 0, len(fan.slopes))
+    prism, offset = _ranges(count)
+    return prism, (begin[prism] + offset) % len(fan.slopes)
+
+
+def _ranges(count: IntArray) -> tuple[IntArray, IntArray]:
+    """Owner and running index of every item when owner i has ``count[i]`` of them."""
+    owner = np.repeat(np.arange(len(count)), count)
+    before = np.cumsum(count) - count
+    return owner, np.arange(len(owner)) - before[owner]
+
+
+def _cross(
+    candidates: tuple[IntArray, IntArray], fan: Fan, origin: FloatArray, prisms: Prisms
+) -> Pairs:
+    """The pairs that do cross, with entry and exit. Prisms around the origin are left out."""
+    prism, column = candidates
+    dx, dy = (prisms.x - origin[0])[prism], (prisms.y - origin[1])[prism]
+    c, s = np.cos(fan.headings)[column], np.sin(fan.headings)[column]
+    entry, leave = np.empty(len(prism)), np.empty(len(prism))
+    disc = prisms.round[prism]
+    box = ~disc
+
+    along = dx[disc] * c[disc] + dy[disc] * s[disc]
+    across = dx[disc] * s[disc] - dy[disc] * c[disc]
+    chord = np.sqrt(np.maximum(prisms.half_length[prism[disc]] ** 2 - across**2, 0.0))
+    entry[disc], leave[disc] = along - chord, along + chord
+
+    owner = prism[box]
+    turn_c, turn_s = np.cos(prisms.yaw)[owner], np.sin(prisms.yaw)[owner]
+    spans = []
+    for axis_x, axis_y, half in (
+        (turn_c, turn_s, prisms.half_length[owner]),
+        (-turn_s, turn_c, prisms.half_width[owner]),
+    ):
+        centre = dx[box] * axis_x + dy[box] * axis_y
+        speed = c[box] * axis_x + s[box] * axis_y
+        speed = np.where(np.abs(speed) < 1e-12, 1e-12, speed)
+        reach = half / np.abs(speed)
+        spans.append((centre / speed - reach, centre / speed + reach))
+    entry[box] = np.maximum(spans[0][0], spans[1][0])
+    leave[box] = np.minimum(spans[0][1], spans[1][1])
+
+    crossing = (entry > 0) & (leave > entry)
+    return Pairs(prism, column, entry, leave).keep(crossing)
+
+
+def _beams_covered(
+    pairs: Pairs, fan: Fan, height: float, prisms: Prisms
+) -> tuple[IntArray, IntArray]:
+    """First and one-past-last beam of each pair that meets the prism's side, top or bottom."""
+    bottom, top = prisms.z0[pairs.prism] - height, prisms.z1[pairs.prism] - height
+    low = bottom / np.where(bottom > 0, pairs.exit, pairs.entry)
+    high = top / np.where(top > 0, pairs.entry, pairs.exit)
+    lift = 100.0 * np.arange(len(fan.slopes))
+    table = (fan.slopes + lift[:, None]).ravel()
+    base, beams = lift[pairs.column], fan.slopes.shape[1]
+    first = np.searchsorted(table, np.clip(low, -40, 40) + base) - beams * pairs.column
+    last = np.searchsorted(table, np.clip(high, -40, 40) + base, "right") - beams * pairs.column
+    return first, last
+
+
+def _not_hidden(
+    pairs: Pairs, last: IntArray, fan: Fan, height: float, prisms: Prisms
+) -> NDArray[np.bool_]:
+    """Whether no taller opaque wall stands before a pair in its column (exact, only a speed-up).
+
+    A standing wall that rises above the sensor covers every beam from the ground up to its
+    ``last``; whatever begins behind it and reaches no higher cannot be seen.
+    """
+    columns, beams = fan.slopes.shape
+    wall = prisms.grounded[pairs.prism] & (prisms.z1[pairs.prism] > height)
+    nearest = np.full(columns * (beams + 1), np.inf)
+    cell = pairs.column * (beams + 1) + last
+    np.minimum.at(nearest, cell[wall], pairs.entry[wall])
+    from_above = np.minimum.accumulate(nearest.reshape(columns, -1)[:, ::-1], axis=1)[:, ::-1]
+    hidden: NDArray[np.bool_] = pairs.entry > from_above.ravel()[cell]
+    return ~hidden
+
+
+def _spread(pairs: Pairs, first: IntArray, last: IntArray, fan: Fan) -> tuple[IntArray, IntArray]:
+    """Pair and flat ray index of every beam that a pair covers."""
+    pair, offset = _ranges(last - first)
+    ray = (pairs.column * fan.slopes.shape[1] + first)[pair] + offset
+    return pair, ray
+
+
+def _surface_distance(
+    pairs: Pairs,
+    pair: IntArray,
+    slope: FloatArray,
+    height: float,
+    prisms: Prisms,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Horizontal distance at which each ray meets its prism's surface, or stops in its crown."""
+    prism = pairs.prism[pair]
+    bottom, top = prisms.z0[prism] - height, prisms.z1[prism] - height
+    entry, leave = pairs.entry[pair], pairs.exit[pair]
+    slope = np.where(np.abs(slope) < 1e-9, 1e-9, slope)
+    at_bottom, at_top = bottom / slope, top / slope
+    distance = np.maximum(entry, np.minimum(at_bottom, at_top))
+
+    crown = np.flatnonzero(prisms.depth[prism] > 0)
+    rise = np.sqrt(1 + slope[crown] ** 2)
+    inside = rng.exponential(size=len(crown)) * prisms.depth[prism[crown]] / rise
+    end = np.minimum(leave[crown], np.maximum(at_bottom, at_top)[crown])
+    stop = distance[crown] + inside
+    distance[crown] = np.where(stop < end, stop, np.inf)
+    return distance

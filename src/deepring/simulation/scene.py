@@ -1,0 +1,43 @@
+"""A scene: one world and the two drives through it, ready to be scanned in memory."""
+
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from deepring.simulation.drive import Drive, plan_drives
+from deepring.simulation.sensors import Sensor, Sweep, scan, sensor_of
+from deepring.simulation.settings import SimulationSettings
+from deepring.simulation.shapes import DATABASE, QUERY, Prisms
+from deepring.simulation.world import World, build_world, moving_objects
+
+
+class Scene:
+    """World, drives and scans of ``settings``. Sessions are 0 (database) and 1 (query)."""
+
+    def __init__(self, settings: SimulationSettings) -> None:
+        self.settings = settings
+        self.sensor: Sensor = sensor_of(settings)
+        self.world: World = build_world(settings)
+        self.drives: tuple[Drive, Drive] = plan_drives(self.world, settings)
+
+    @cached_property
+    def _standing(self) -> tuple[Prisms, Prisms]:
+        database, query = (self.world.standing(s, self.settings) for s in (DATABASE, QUERY))
+        return database, query
+
+    def sweep(self, session: int, index: int) -> Sweep:
+        """Scan ``index`` of a session: has its own random numbers, so is the same on each call."""
+        settings, drive = self.settings, self.drives[session]
+        rng = np.random.default_rng([settings.seed, 4, session, index])
+        pose = drive.poses(drive.scan_stamps[index : index + 1])[0]
+        movers = moving_objects(pose, self.world.ground, settings, rng)
+        # The HDL-32E spins freely; the OS1 fires its columns at fixed encoder angles.
+        phase = rng.uniform(0.0, 2 * np.pi) if settings.layout == "nclt" else 0.0
+        prisms = self._standing[session] + movers
+        return scan(self.sensor, pose, phase, prisms, self.world.ground, settings, rng)
+
+
+@lru_cache(maxsize=1)
+def scene_of(settings: SimulationSettings) -> Scene:
+    """The scene of ``settings``; the last one is kept, so that a worker builds it once."""
+    return Scene(settings)

@@ -1,0 +1,137 @@
+"""Two spinning LiDARs, how they are mounted, and what they make of a surface they hit."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
+from deepring.simulation.ground import Ground
+from deepring.simulation.raycast import GROUND, Fan, cast
+from deepring.simulation.settings import SimulationSettings
+from deepring.simulation.shapes import Prisms
+
+FloatArray = NDArray[np.float64]
+
+_GROUND_REFLECTANCE = 0.25
+_BLIND_RANGE = 0.9  # nothing closer than this is reported (metres)
+
+
+@dataclass(frozen=True, eq=False)
+class Sensor:
+    """Beam elevations (B,) in the sensor's frame, ascending (rad), and the mounting.
+
+    ``mount`` is the pose body <- sensor (4, 4), body x forward, y left, z up. ``body_height`` is
+    the height of the body's origin above the ground (metres).
+    """
+
+    elevations: FloatArray
+    mount: FloatArray
+    body_height: float
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """One revolution: C columns, counter-clockwise from ``phase`` (rad), of B beams, ascending.
+
+    ``points`` (C, B, 3) are metres in the sensor's frame (z up), NaN where nothing came back;
+    ``reflectance`` (C, B) is 0..1.
+    """
+
+    points: FloatArray
+    reflectance: FloatArray
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Which rays came back: (C, B) bool."""
+        found: NDArray[np.bool_] = np.isfinite(self.points[..., 0])
+        return found
+
+
+def hdl32e_upside_down() -> Sensor:
+    """NCLT's HDL-32E: hung upside down, so that its beams run from 10.67° down to 30.67° up.
+
+    The lever arm is NCLT's, turned from z down to z up. The dataset's body frame has its origin
+    some 0.15 m below the ground.
+    """
+    mount = pose_from(np.eye(3), [0.002, 0.004, 0.957])
+    return Sensor(np.deg2rad(np.linspace(-10.67, 30.67, 32)), mount, body_height=-0.15)
+
+
+def os1_64() -> Sensor:
+    """MulRan's OS1-64: beams from 16.6° down to 16.6° up, mounted facing backwards."""
+    roll, pitch, yaw = np.deg2rad([0.0001, 0.0003, 179.6654])
+    mount = pose_from(rotation_from_rpy(roll, pitch, yaw), [1.7042, -0.021, 1.8047])
+    return Sensor(np.deg2rad(np.linspace(-16.6, 16.6, 64)), mount, body_height=0.0)
+
+
+def sensor_of(settings: SimulationSettings) -> Sensor:
+    """The sensor of the settings' layout."""
+    return hdl32e_upside_down() if settings.layout == "nclt" else os1_64()
+
+
+def scan(
+    sensor: Sensor,
+    body_pose: FloatArray,
+    phase: float,
+    prisms: Prisms,
+    ground: Ground,
+    settings: SimulationSettings,
+    rng: np.random.Generator,
+) -> Sweep:
+    """Sweep the sensor once from ``body_pose`` (4, 4), world <- body, world z up.
+
+    ``phase`` is the azimuth (rad) of column 0 in the sensor's frame. Every point lies on a
+    surface that is visible from the sensor, apart from the range noise. On a tilted platform
+    beam elevations are exact in the sensor's frame, while azimuths are spaced evenly in the
+    world: they differ from an even spacing in the sensor's frame by the tilt times the
+    elevation's tangent.
+    """
+    pose = body_pose @ sensor.mount
+    fan = _fan(sensor.elevations, pose, phase, settings.azimuths)
+    distance, hit = cast(fan, pose[:3, 3], prisms, ground, settings.max_range, rng)
+    points = _in_sensor_frame(fan, distance, pose)
+    measured, lost = _measure(points, settings, rng)
+    measured[lost] = np.nan
+    surface = np.append(prisms.reflectance, [0.0, _GROUND_REFLECTANCE])  # [-2] none, [-1] ground
+    reflectance = surface[np.where(hit == GROUND, -1, hit)]
+    return Sweep(measured, np.clip(reflectance + rng.normal(0.0, 0.04, hit.shape), 0.0, 1.0))
+
+
+def _fan(elevations: FloatArray, pose: FloatArray, phase: float, columns: int) -> Fan:
+    """World slopes of the beams whose elevation in the sensor's frame is ``elevations``.
+
+    A world direction of heading h and elevation ε has the sensor elevation e with
+    sin e = (a cos h + b sin h) cos ε + c sin ε, where (a, b, c) is the sensor's z axis.
+    """
+    first = float(yaw_of(pose)) + phase
+    heading = first + 2 * np.pi / columns * np.arange(columns)
+    a, b, c = pose[:3, 2]
+    lean = a * np.cos(heading) + b * np.sin(heading)
+    size = np.hypot(lean, c)[:, None]
+    elevation = np.arcsin(np.sin(elevations) / size) - np.arctan2(lean, c)[:, None]
+    return Fan(first, np.tan(elevation))
+
+
+def _in_sensor_frame(fan: Fan, distance: FloatArray, pose: FloatArray) -> FloatArray:
+    """Hits (C, B, 3) in the sensor's frame; NaN where there is none."""
+    reach = np.where(np.isfinite(distance), distance, np.nan)
+    c, s = np.cos(fan.headings)[:, None], np.sin(fan.headings)[:, None]
+    world = np.stack([reach * c, reach * s, reach * fan.slopes], axis=-1)
+    return world @ pose[:3, :3]
+
+
+def _measure(
+    points: FloatArray, settings: SimulationSettings, rng: np.random.Generator
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Points with range noise, and which returns are lost: too close, dropped, in the blind."""
+    reach = np.sqrt(np.einsum("cbi,cbi->cb", points, points))
+    noisy = points * (1 + settings.range_noise * rng.normal(size=reach.shape) / reach)[..., None]
+    grow = settings.dropout_far - settings.dropout_near
+    dropout = settings.dropout_near + grow * (reach / settings.max_range) ** 2
+    lost = rng.random(reach.shape) < dropout
+    lost |= reach < _BLIND_RANGE
+    if settings.blind_width_deg > 0:
+        azimuth = np.abs(np.arctan2(points[..., 1], points[..., 0]))
+        lost |= azimuth < np.deg2rad(settings.blind_width_deg) / 2
+    return noisy, lost

@@ -1,0 +1,198 @@
+"""Every knob of a simulation, its default and the two presets ``nclt`` and ``mulran``."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Literal
+
+from deepring.errors import DeepringError
+
+Layout = Literal["nclt", "mulran"]
+
+
+@dataclass(frozen=True)
+class SimulationSettings:
+    """What is simulated. Lengths in metres, angles in degrees, shares in [0, 1].
+
+    The defaults are those of the ``nclt`` preset; ``mulran()`` says where the city differs. The
+    world's two parts, train and test, are street grids of ``rows`` rows and ``train_columns`` or
+    ``test_columns`` columns, joined by one street across the gap between the regions.
+    Raises DeepringError where a value is out of range.
+    """
+
+    layout: Layout = "nclt"  # native files to write; also the kind of world and the sensor
+    seed: int = 0  # drives, parked cars, moving objects, noise
+    world_seed: int | None = None  # streets and buildings; None: the same as seed
+
+    # the world
+    block: float = 85.0  # distance between crossings
+    train_columns: int = 5
+    test_columns: int = 4
+    rows: int = 4
+    crossing_jitter: float = 9.0  # crossings move by up to this from the regular grid
+    building_prototypes: int = 2  # fewer prototypes: more places that look alike
+    building_share: float = 0.8  # of the building plots along a street that are built on
+    street_variety: float = 1.0  # how much the sides of the streets differ from each other
+    facade_parts: float = 4.0  # mean number of protrusions on a facade
+    tree_spacing: float = 9.0  # between the trees of a row
+    ground_relief: float = 0.8  # standard deviation of the ground's height
+
+    # what differs between the sessions, and what moves
+    trees_changed: float = 0.35  # of the trees stand in one session only
+    structures_changed: float = 0.15  # of facade parts, walls, sheds, clutter: one session only
+    bare_season: float = 1.5  # crowns are this much more transparent in the database session
+    parking_share: float = 0.55  # of the parking slots are taken, drawn anew for each session
+    movers: float = 14.0  # mean number of moving objects around the robot, in each scan
+    mover_vehicle_share: float = 0.3  # the others are pedestrians
+
+    # the sensor
+    azimuths: int = 1085  # firings a revolution; columns of a MulRan file (the real one has 1024)
+    max_range: float = 100.0
+    range_noise: float = 0.025  # standard deviation
+    dropout_near: float = 0.02  # share of returns lost at the sensor ...
+    dropout_far: float = 0.25  # ... and at max_range; it grows with the squared distance
+    tilt_deg: float = 2.75  # standard deviation of the platform's roll and of its pitch
+    blind_width_deg: float = 0.0  # sector without returns, centred on the LiDAR's +x
+
+    # the drives
+    lateral_offset: float = 7.0  # the path wanders by up to this to either side
+    lateral_knots: float = 40.0  # metres of path between two offsets
+    lane_offset: float = 0.0  # constant offset to the right of the street's middle
+    reversed_share: float = 0.5  # of the query's passes that go against every database pass
+    scan_spacing: float = 2.0  # metres of path between scans
+    speed: float = 2.0  # metres a second
+    pose_rate: int = 100  # ground-truth rows a second
+
+    def __post_init__(self) -> None:
+        _check_choice("layout", self.layout, ("nclt", "mulran"))
+        for name, (low, high) in _RANGES.items():
+            _check_range(name, getattr(self, name), low, high)
+        if self.world_seed is not None:
+            _check_range("world_seed", self.world_seed, 0, _MANY)
+
+    @property
+    def streets_seed(self) -> int:
+        """The seed of what both sessions share: streets, buildings, trees."""
+        return self.seed if self.world_seed is None else self.world_seed
+
+    @property
+    def corridor(self) -> float:
+        """Half the width kept free of standing objects along each street (metres)."""
+        return self.lane_offset + self.lateral_offset + 1.5
+
+    def as_dict(self) -> dict[str, object]:
+        """All knobs by name, as the manifest stores them."""
+        return asdict(self)
+
+
+def nclt(seed: int = 0) -> SimulationSettings:
+    """A campus seen by an upside-down HDL-32E on a swaying platform, in NCLT's layout."""
+    return SimulationSettings(seed=seed)
+
+
+def mulran(seed: int = 0) -> SimulationSettings:
+    """A city seen by an OS1-64 with a blind sector on a car, in MulRan's layout."""
+    return SimulationSettings(
+        layout="mulran",
+        seed=seed,
+        block=115.0,
+        rows=3,
+        crossing_jitter=12.0,
+        building_share=0.9,
+        tree_spacing=12.0,
+        ground_relief=0.6,
+        parking_share=0.65,
+        mover_vehicle_share=0.8,
+        azimuths=512,
+        tilt_deg=0.7,
+        blind_width_deg=70.0,
+        lateral_offset=4.0,
+        lane_offset=3.5,
+        reversed_share=0.2,
+        scan_spacing=3.0,
+        speed=8.0,
+    )
+
+
+def preset(name: str, seed: int = 0) -> SimulationSettings:
+    """The preset called ``name``: ``nclt`` or ``mulran``. Raises DeepringError otherwise."""
+    _check_choice("preset", name, ("nclt", "mulran"))
+    return nclt(seed) if name == "nclt" else mulran(seed)
+
+
+def tiny(name: str, seed: int = 0) -> SimulationSettings:
+    """A preset shrunk for tests: a loop of four streets in each region, coarse scans."""
+    return replace(
+        preset(name, seed),
+        block=45.0,
+        train_columns=2,
+        test_columns=2,
+        rows=2,
+        crossing_jitter=3.0,
+        azimuths=240 if name == "nclt" else 128,
+        scan_spacing=5.0,
+    )
+
+
+def with_knobs(settings: SimulationSettings, knobs: Mapping[str, object]) -> SimulationSettings:
+    """``settings`` with some knobs changed. Raises DeepringError for a name it does not have."""
+    known = [f.name for f in fields(settings)]
+    for name in knobs:
+        _check_choice("knob", name, known)
+    return replace(settings, **knobs)  # type: ignore[arg-type]
+
+
+_MANY = 2**31 - 1
+_RANGES: dict[str, tuple[float, float]] = {
+    "seed": (0, _MANY),
+    "block": (40.0, 500.0),
+    "train_columns": (2, 50),
+    "test_columns": (2, 50),
+    "rows": (2, 50),
+    "crossing_jitter": (0.0, 20.0),
+    "building_prototypes": (1, 1000),
+    "building_share": (0.0, 1.0),
+    "street_variety": (0.0, 1.0),
+    "facade_parts": (0.0, 50.0),
+    "tree_spacing": (2.0, 1000.0),
+    "ground_relief": (0.0, 3.0),
+    "trees_changed": (0.0, 1.0),
+    "structures_changed": (0.0, 1.0),
+    "bare_season": (0.1, 10.0),
+    "parking_share": (0.0, 1.0),
+    "movers": (0.0, 200.0),
+    "mover_vehicle_share": (0.0, 1.0),
+    "azimuths": (8, 4096),
+    "max_range": (10.0, 120.0),
+    "range_noise": (0.0, 1.0),
+    "dropout_near": (0.0, 1.0),
+    "dropout_far": (0.0, 1.0),
+    "tilt_deg": (0.0, 10.0),
+    "blind_width_deg": (0.0, 359.0),
+    "lateral_offset": (0.0, 10.0),
+    "lateral_knots": (5.0, 1000.0),
+    "lane_offset": (0.0, 10.0),
+    "reversed_share": (0.0, 1.0),
+    "scan_spacing": (0.1, 50.0),
+    "speed": (0.1, 40.0),
+    "pose_rate": (1, 1000),
+}
+
+
+def _check_range(name: str, value: object, low: float, high: float) -> None:
+    whole = isinstance(low, int)
+    accepted = int if whole else (int, float)
+    fits = isinstance(value, accepted) and not isinstance(value, bool)
+    if not fits or not low <= value <= high:  # type: ignore[operator]
+        kind = "a whole number" if whole else "a number"
+        raise DeepringError(
+            f"simulation setting {name} = {value!r}; expected {kind} from {low} to {high}. "
+            f"Choose a value in that range."
+        )
+
+
+def _check_choice(what: str, value: object, choices: "tuple[str, ...] | list[str]") -> None:
+    if value not in choices:
+        raise DeepringError(
+            f"simulation {what} = {value!r}; expected one of: {', '.join(choices)}. "
+            f"Check the spelling."
+        )

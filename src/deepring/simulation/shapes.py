@@ -1,0 +1,101 @@
+"""The one shape a world is made of: the upright prism, an oriented box or a cylinder."""
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+#: Bits of ``Prisms.sessions``.
+DATABASE, QUERY, BOTH = 1, 2, 3
+
+_KINDS = {"round": np.bool_, "grounded": np.bool_, "sessions": np.uint8}  # the others: float64
+
+
+@dataclass(frozen=True, eq=False)
+class Prisms:
+    """n upright prisms, one array (n,) a property; metres, world frame, z up."""
+
+    x: FloatArray
+    y: FloatArray
+    z0: FloatArray  # bottom
+    z1: FloatArray  # top
+    half_length: FloatArray  # along the prism's own x axis; a cylinder's radius
+    half_width: FloatArray  # along its own y axis; a cylinder's radius
+    yaw: FloatArray
+    round: BoolArray  # cylinder instead of box
+    depth: FloatArray  # mean free path of a beam inside; 0: opaque
+    grounded: BoolArray  # stands on the ground: nothing is seen below it
+    reflectance: FloatArray  # 0..1
+    sessions: NDArray[np.uint8]  # bits DATABASE, QUERY
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    def __getitem__(self, index: NDArray) -> "Prisms":
+        return Prisms(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
+
+    def __add__(self, other: "Prisms") -> "Prisms":
+        pairs = {f.name: (getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
+        return Prisms(**{name: np.concatenate(pair) for name, pair in pairs.items()})
+
+    @property
+    def reach(self) -> FloatArray:
+        """Radius (n,) of the circle around each footprint (metres)."""
+        box = np.hypot(self.half_length, self.half_width)
+        return np.where(self.round, self.half_length, box)
+
+    def outline(self) -> FloatArray:
+        """Eight points on each footprint's bounding box and its centre: (n, 9, 2)."""
+        u = np.array([-1, -1, -1, 0, 0, 0, 1, 1, 1]) * self.half_length[:, None]
+        v = np.array([-1, 0, 1, -1, 0, 1, -1, 0, 1]) * self.half_width[:, None]
+        c, s = np.cos(self.yaw)[:, None], np.sin(self.yaw)[:, None]
+        x, y = self.x[:, None] + c * u - s * v, self.y[:, None] + s * u + c * v
+        return np.stack([x, y], axis=-1)
+
+
+@dataclass
+class PrismList:
+    """Collects prisms one at a time; ``freeze`` turns them into arrays."""
+
+    rows: list[tuple[float, ...]] = field(default_factory=list)
+
+    def box(
+        self,
+        centre: tuple[float, float],
+        size: tuple[float, float],
+        yaw: float,
+        z: tuple[float, float],
+        *,
+        reflectance: float = 0.4,
+        sessions: int = BOTH,
+    ) -> None:
+        """Add an opaque box of ``size`` (length, width) that stands on the ground."""
+        half = (size[0] / 2, size[1] / 2)
+        self.rows.append((*centre, *z, *half, yaw, False, 0.0, True, reflectance, sessions))
+
+    def cylinder(
+        self,
+        centre: tuple[float, float],
+        radius: float,
+        z: tuple[float, float],
+        *,
+        depth: float = 0.0,
+        reflectance: float = 0.4,
+        sessions: int = BOTH,
+    ) -> None:
+        """Add a cylinder: opaque and standing, or (``depth`` > 0) a crown above the ground."""
+        solid = depth == 0.0
+        size = (radius, radius, 0.0)
+        self.rows.append((*centre, *z, *size, True, depth, solid, reflectance, sessions))
+
+    def freeze(self) -> Prisms:
+        """All prisms added so far."""
+        names = [f.name for f in fields(Prisms)]
+        table = np.array(self.rows, dtype=np.float64).reshape(-1, len(names))
+        columns: dict[str, NDArray] = dict(zip(names, table.T.copy(), strict=True))
+        for name, kind in _KINDS.items():
+            columns[name] = columns[name].astype(kind)
+        return Prisms(**columns)

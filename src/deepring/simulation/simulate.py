@@ -1,0 +1,124 @@
+"""Simulate two drives through one world and write them as NCLT or MulRan would be on disk."""
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from deepring.errors import DeepringError
+from deepring.simulation import manifest, mulran_writer, nclt_writer
+from deepring.simulation.drive import Drive
+from deepring.simulation.scene import Scene, scene_of
+from deepring.simulation.sensors import Sensor, Sweep
+from deepring.simulation.settings import SimulationSettings
+
+Progress = Callable[[int, int], None]
+
+_BATCH = 8  # scans that a worker is handed at a time
+
+
+class Writer(Protocol):
+    """What the module of a layout offers."""
+
+    SESSIONS: tuple[str, str]
+
+    def scan_path(self, root: Path, session: str, stamp: int, /) -> Path:
+        """Where the scan of a stamp (microseconds) lies."""
+
+    def pose_files(self, root: Path, session: str, /) -> list[Path]:
+        """The files that ``write_poses`` makes."""
+
+    def write_scan(self, path: Path, sweep: Sweep, sensor: Sensor, /) -> None:
+        """Write one sweep."""
+
+    def write_poses(self, root: Path, session: str, drive: Drive, /) -> None:
+        """Write one session's poses and stamps."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One scan to write: of which settings and session (0 or 1), its index, and the file."""
+
+    settings: SimulationSettings
+    session: int
+    index: int
+    path: Path
+
+
+def simulate(
+    settings: SimulationSettings,
+    root: Path,
+    *,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Path:
+    """Write both sessions of ``settings`` below ``root`` and return ``root``.
+
+    A run that was interrupted goes on where it stopped; every scan has its own random numbers, so
+    neither that nor the number of ``workers`` (processes) changes a byte. ``progress`` is called
+    with the scans done so far and their total. A data set that is whole is left as it is.
+    Raises DeepringError where ``root`` holds anything else, and then changes nothing.
+    """
+    if workers < 1:
+        raise DeepringError(f"workers = {workers}; expected 1 or more. Leave it out for one.")
+    root = Path(root)
+    if manifest.claim(root, settings):
+        return root
+    scene = scene_of(settings)
+    _write_poses(scene, root)
+    tasks = _tasks(scene, root)
+    _write_scans(tasks, workers, progress)
+    folders = [task.path.parent.relative_to(root).as_posix() for task in tasks]
+    manifest.finish(root, settings, {name: folders.count(name) for name in sorted({*folders})})
+    return root
+
+
+def session_names(settings: SimulationSettings) -> tuple[str, str]:
+    """Folder names of the database and the query session."""
+    return _writer(settings).SESSIONS
+
+
+def _tasks(scene: Scene, root: Path) -> list[Task]:
+    """Every scan of both sessions, in driving order."""
+    settings, scan_path = scene.settings, _writer(scene.settings).scan_path
+    return [
+        Task(settings, session, index, scan_path(root, name, stamp))
+        for session, name in enumerate(session_names(settings))
+        for index, stamp in enumerate(scene.drives[session].scan_stamps.tolist())
+    ]
+
+
+def _write_poses(scene: Scene, root: Path) -> None:
+    writer = _writer(scene.settings)
+    for name, drive in zip(writer.SESSIONS, scene.drives, strict=True):
+        if not all(path.is_file() for path in writer.pose_files(root, name)):
+            writer.write_poses(root, name, drive)
+
+
+def _write_scans(tasks: Sequence[Task], workers: int, progress: Progress | None) -> None:
+    """Write the scans that are not there yet."""
+    missing = [task for task in tasks if not task.path.is_file()]
+    done = len(tasks) - len(missing)
+    for _ in _each(missing, workers):
+        done += 1
+        if progress is not None:
+            progress(done, len(tasks))
+
+
+def _each(tasks: Sequence[Task], workers: int) -> Iterator[None]:
+    if workers == 1 or len(tasks) < 2:
+        yield from map(_write_scan, tasks)
+        return
+    with multiprocessing.get_context("spawn").Pool(min(workers, len(tasks))) as pool:
+        yield from pool.imap_unordered(_write_scan, tasks, chunksize=_BATCH)
+
+
+def _write_scan(task: Task) -> None:
+    scene = scene_of(task.settings)
+    sweep = scene.sweep(task.session, task.index)
+    _writer(task.settings).write_scan(task.path, sweep, scene.sensor)
+
+
+def _writer(settings: SimulationSettings) -> Writer:
+    return nclt_writer if settings.layout == "nclt" else mulran_writer

@@ -1,0 +1,76 @@
+"""The street graph: a jittered grid of crossings in two parts that one street joins."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deepring.simulation.regions import GAP
+from deepring.simulation.settings import SimulationSettings
+
+FloatArray = NDArray[np.float64]
+Street = tuple[int, int]
+
+_INSET = 10.0  # the crossings next to the gap keep this distance from their region's edge
+
+
+@dataclass(frozen=True, eq=False)
+class Streets:
+    """Crossings (n, 2) in world metres and the streets between them, as pairs of crossings.
+
+    ``train`` and ``test`` list each part's streets; ``link`` is the one that crosses the gap,
+    from its train to its test end.
+    """
+
+    crossings: FloatArray
+    train: tuple[Street, ...]
+    test: tuple[Street, ...]
+    link: Street
+
+    @cached_property
+    def all(self) -> tuple[Street, ...]:
+        """Every street once."""
+        return (*self.train, *self.test, self.link)
+
+    def length(self, street: Street) -> float:
+        """Distance between the ends (metres)."""
+        return float(np.hypot(*(self.crossings[street[1]] - self.crossings[street[0]])))
+
+
+def street_grid(settings: SimulationSettings, rng: np.random.Generator) -> Streets:
+    """Draw the crossings and connect neighbours within each part."""
+    train_x = -_INSET - settings.block * np.arange(settings.train_columns)[::-1]
+    test_x = GAP + _INSET + settings.block * np.arange(settings.test_columns)
+    columns = np.concatenate([train_x, test_x])
+    rows = settings.block * (np.arange(settings.rows) - (settings.rows - 1) / 2)
+    grid = np.stack(np.meshgrid(columns, rows, indexing="ij"), axis=-1)
+    grid = grid + rng.uniform(-1.0, 1.0, grid.shape) * settings.crossing_jitter
+    split = settings.train_columns
+    grid[split - 1, :, 0] = np.minimum(grid[split - 1, :, 0], -_INSET)
+    grid[split, :, 0] = np.maximum(grid[split, :, 0], GAP + _INSET)
+
+    middle = settings.rows // 2
+    link = ((split - 1) * settings.rows + middle, split * settings.rows + middle)
+    train = _neighbours(0, settings.train_columns, settings.rows)
+    test = _neighbours(split, settings.test_columns, settings.rows)
+    return Streets(grid.reshape(-1, 2), train, test, link)
+
+
+def _neighbours(first: int, columns: int, rows: int) -> tuple[Street, ...]:
+    """Streets between adjacent crossings of the columns ``first`` .. ``first + columns - 1``."""
+    index = (np.arange(columns)[:, None] + first) * rows + np.arange(rows)
+    across = np.stack([index[:-1].ravel(), index[1:].ravel()], axis=1)
+    along = np.stack([index[:, :-1].ravel(), index[:, 1:].ravel()], axis=1)
+    return tuple((int(a), int(b)) for a, b in np.concatenate([across, along]))
+
+
+def clearance(points: FloatArray, streets: Streets) -> FloatArray:
+    """Distance from points (..., 2) to the nearest street's middle (metres)."""
+    best = np.full(points.shape[:-1], np.inf)
+    for a, b in streets.all:
+        start, way = streets.crossings[a], streets.crossings[b] - streets.crossings[a]
+        share = np.clip((points - start) @ way / (way @ way), 0.0, 1.0)
+        gap = points - start - share[..., None] * way
+        best = np.minimum(best, np.hypot(gap[..., 0], gap[..., 1]))
+    return best

@@ -1,0 +1,92 @@
+"""A world: streets, the ground, everything that stands, and what moves through it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deepring.simulation.buildings import draw_prototypes
+from deepring.simulation.furnish import park_cars, place_buildings, place_structures, place_trees
+from deepring.simulation.ground import Ground, rolling_ground
+from deepring.simulation.settings import SimulationSettings
+from deepring.simulation.shapes import DATABASE, PrismList, Prisms
+from deepring.simulation.streets import Streets, clearance, street_grid
+from deepring.simulation.yard import Yard, sides_of
+
+FloatArray = NDArray[np.float64]
+
+_HEADROOM = 2.3  # what hangs higher than this above the ground may reach over the street
+_MOVERS_AHEAD = 45.0  # moving objects are drawn this far along the street, either way (metres)
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Streets, ground, and the standing prisms of both sessions (see ``Prisms.sessions``)."""
+
+    streets: Streets
+    ground: Ground
+    prisms: Prisms
+
+    def standing(self, session: int, settings: SimulationSettings) -> Prisms:
+        """What stands in one session (DATABASE or QUERY), crowns as bare as its season."""
+        present = self.prisms[np.flatnonzero(self.prisms.sessions & session)]
+        if session == DATABASE:
+            return replace(present, depth=present.depth * settings.bare_season)
+        return present
+
+
+def build_world(settings: SimulationSettings) -> World:
+    """Draw the world of ``settings``: the same settings always give the same world."""
+    rng = np.random.default_rng([settings.streets_seed, 1])
+    streets = street_grid(settings, rng)
+    ground = rolling_ground(settings.ground_relief, rng)
+    prototypes = draw_prototypes(settings, rng)
+    yard = Yard(settings, ground, PrismList(), rng)
+    cars = Yard(settings, ground, yard.prisms, np.random.default_rng([settings.seed, 2]))
+    for street in streets.all:
+        for side in sides_of(street, streets):
+            character = yard.character()
+            place_buildings(side, prototypes, character, yard)
+            place_trees(side, character, yard)
+            place_structures(side, yard)
+            park_cars(side, yard, cars)
+    return World(streets, ground, _clear_streets(yard.prisms.freeze(), streets, ground, settings))
+
+
+def _clear_streets(
+    prisms: Prisms, streets: Streets, ground: Ground, settings: SimulationSettings
+) -> Prisms:
+    """Leave out what would stand in a street, such as a building's corner near a crossing."""
+    overhead = prisms.z0 > ground.height(prisms.x, prisms.y) + _HEADROOM
+    gap = clearance(prisms.outline(), streets).min(axis=1)
+    trunk = prisms.round & prisms.grounded  # its outline is a square: allow for the corners
+    free = gap + np.where(trunk, prisms.half_length, 0.0) >= settings.corridor
+    crown = prisms.depth > 0
+    return prisms[np.flatnonzero(free | overhead | crown)]
+
+
+def moving_objects(
+    pose: FloatArray, ground: Ground, settings: SimulationSettings, rng: np.random.Generator
+) -> Prisms:
+    """Pedestrians and vehicles in the street around the robot, drawn anew for each scan.
+
+    ``pose`` (4, 4) is world <- body. Nothing is drawn within 3.5 m of the robot's path.
+    """
+    things = Yard(settings, ground, PrismList(), rng)
+    heading = float(np.arctan2(pose[1, 0], pose[0, 0]))
+    width = settings.corridor + 3.0
+    for _ in range(int(rng.poisson(settings.movers))):
+        ahead = things.between(-_MOVERS_AHEAD, _MOVERS_AHEAD)
+        aside = things.between(3.5, width) * (1.0 if things.chance(0.5) else -1.0)
+        c, s = np.cos(heading), np.sin(heading)
+        place = (
+            float(pose[0, 3] + c * ahead - s * aside),
+            float(pose[1, 3] + s * ahead + c * aside),
+        )
+        if things.chance(settings.mover_vehicle_share):
+            tall = things.chance(0.15)
+            size = (9.0, 2.5, 3.2) if tall else (things.between(3.8, 4.8), 1.8, 1.6)
+            things.box(place, size, heading + things.between(-0.15, 0.15), things.between(0.2, 0.9))
+        else:
+            things.post(place, things.between(0.22, 0.4), things.between(1.5, 1.9))
+    return things.prisms.freeze()

@@ -1,0 +1,124 @@
+"""What everything that is placed along a street shares: a side to place it on, and dice."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deepring.simulation.ground import Ground
+from deepring.simulation.settings import SimulationSettings
+from deepring.simulation.shapes import BOTH, DATABASE, QUERY, PrismList
+from deepring.simulation.streets import Street, Streets
+
+FloatArray = NDArray[np.float64]
+
+_FOOT = 0.6  # objects reach this far below the ground, so that none floats on a slope
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One side of a street: where it starts, its direction and the direction away from it."""
+
+    start: FloatArray
+    along: FloatArray
+    away: FloatArray
+    length: float
+
+    @property
+    def yaw(self) -> float:
+        """Direction of the street (rad)."""
+        return float(np.arctan2(self.along[1], self.along[0]))
+
+    def at(self, along: float, away: float) -> tuple[float, float]:
+        """World position ``along`` the street and ``away`` from its middle (metres)."""
+        x, y = self.start + along * self.along + away * self.away
+        return float(x), float(y)
+
+
+def sides_of(street: Street, streets: Streets) -> tuple[Side, Side]:
+    """Left and right side of a street."""
+    start, length = streets.crossings[street[0]], streets.length(street)
+    along = (streets.crossings[street[1]] - start) / length
+    left = np.array([-along[1], along[0]])
+    return Side(start, along, left, length), Side(start, along, -left, length)
+
+
+@dataclass(frozen=True)
+class Character:
+    """How one side of a street differs from the average one."""
+
+    height: float  # factor on the buildings' heights
+    setback: float  # metres added between the street and its buildings
+    trees: float  # factor on the trees' number
+    built: float  # factor on the share of plots that are built on
+
+
+@dataclass(frozen=True, eq=False)
+class Yard:
+    """The settings, the ground, the list of prisms to fill, and the dice."""
+
+    settings: SimulationSettings
+    ground: Ground
+    prisms: PrismList
+    rng: np.random.Generator
+
+    def between(self, low: float, high: float) -> float:
+        """A uniform draw."""
+        return float(self.rng.uniform(low, high))
+
+    def chance(self, share: float) -> bool:
+        """True for a share of the calls."""
+        return bool(self.rng.random() < share)
+
+    def character(self) -> Character:
+        """Draw a side's character; ``street_variety`` says how far it is from the average."""
+        v = self.settings.street_variety
+        return Character(
+            height=2.0 ** self.between(-0.8 * v, 0.8 * v),
+            setback=self.between(0.0, 12.0 * v),
+            trees=1.0 + self.between(-0.8 * v, 0.6 * v),
+            built=1.0 + self.between(-0.6 * v, 0.2 * v),
+        )
+
+    def session(self, changed: float) -> int:
+        """BOTH, or for a share ``changed`` of the calls one session only."""
+        if not self.chance(changed):
+            return BOTH
+        return DATABASE if self.chance(0.5) else QUERY
+
+    def level(self, place: tuple[float, float]) -> float:
+        """The ground's height at ``place`` (metres)."""
+        return float(self.ground.height(np.asarray(place[0]), np.asarray(place[1])))
+
+    def box(
+        self,
+        place: tuple[float, float],
+        size: tuple[float, float, float],
+        yaw: float,
+        shade: float = 0.4,
+        sessions: int = BOTH,
+    ) -> None:
+        """Stand a box of ``size`` (length, width, height) on the ground."""
+        base = self.level(place)
+        z = (base - _FOOT, base + size[2])
+        self.prisms.box(place, size[:2], yaw, z, reflectance=shade, sessions=sessions)
+
+    def post(
+        self, place: tuple[float, float], radius: float, height: float, sessions: int = BOTH
+    ) -> None:
+        """Stand an opaque cylinder on the ground."""
+        base = self.level(place)
+        self.prisms.cylinder(place, radius, (base - _FOOT, base + height), sessions=sessions)
+
+    def crown(
+        self,
+        place: tuple[float, float],
+        radius: float,
+        z: tuple[float, float],
+        depth: float,
+        sessions: int = BOTH,
+    ) -> None:
+        """Hang foliage over ``place``, between the heights ``z`` above the ground."""
+        base = self.level(place)
+        span = (base + z[0], base + z[1])
+        self.prisms.cylinder(place, radius, span, depth=depth, reflectance=0.55, sessions=sessions)

@@ -1,0 +1,127 @@
+"""The LightningModule: an episode in, cross-entropy out; retrieval in validation."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, cast
+
+import lightning as L
+import torch
+from torch import Tensor, nn
+from torchmetrics import Metric
+
+from deepring.data.datamodule import RetrievalBatch
+from deepring.data.episodes import Episode
+from deepring.errors import DeepringError
+from deepring.evaluation.metrics import PlaceAUC, RecallAtK
+from deepring.evaluation.retrieval import describe_all
+from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.training.classifier import OneShotClassifier
+
+MakeOptimizer = Callable[[Iterable[nn.Parameter]], torch.optim.Optimizer]
+MakeScheduler = Callable[[torch.optim.Optimizer], torch.optim.lr_scheduler.LRScheduler]
+
+
+class DeepRingModule(L.LightningModule):
+    """DeepRING under training.
+
+    Args:
+        settings: a `DeepRingSettings` as a plain dict; with the weights it is the checkpoint.
+        validation: names of the validation sets, in the order of their loaders.
+        temperature_scale: the start of W.
+        loss: of logits (n, ways) and targets (n,).
+        optimizer: makes the optimizer of the parameters.
+        scheduler: makes its schedule, stepped once an epoch; None keeps the rate.
+        radius: revisit radius of the validation metrics, metres.
+    """
+
+    def __init__(
+        self,
+        settings: dict[str, Any],
+        validation: list[str] | None = None,
+        temperature_scale: float = 100.0,
+        loss: nn.Module | None = None,
+        optimizer: MakeOptimizer | None = None,
+        scheduler: MakeScheduler | None = None,
+        radius: float = 10.0,
+    ) -> None:
+        super().__init__()
+        # Plain values only: a checkpoint must load with weights_only=True.
+        self.save_hyperparameters("settings", "temperature_scale", logger=False)
+        self.method = DeepRing(DeepRingSettings.from_dict(settings))
+        self.classifier = OneShotClassifier(temperature_scale)
+        self.loss = nn.CrossEntropyLoss() if loss is None else loss
+        self.make_optimizer, self.make_scheduler = optimizer, scheduler
+        self.validation = validation or []
+        self.recalls = nn.ModuleList(RecallAtK(1, radius) for _ in self.validation)
+        self.aucs = nn.ModuleList(PlaceAUC(radius) for _ in self.validation)
+
+    def training_step(self, episode: Episode, _: int) -> Tensor:
+        """Classify each query of the episode among its ways."""
+        ways, shots = episode.support.shape[:2]
+        queries = episode.query.shape[1]
+        rasters = torch.cat([episode.support.flatten(0, 1), episode.query.flatten(0, 1)])
+        descriptors = self.method(rasters)
+        support, query = descriptors[: ways * shots], descriptors[ways * shots :]
+        logits = self.classifier(query, support.unflatten(0, (ways, shots)))
+        targets = torch.arange(ways, device=logits.device).repeat_interleave(queries)
+        loss: Tensor = self.loss(logits, targets)
+        accuracy = (logits.argmax(dim=-1) == targets).float().mean()
+        self.log("train/loss", loss, prog_bar=True)
+        self.log("train/accuracy", accuracy, prog_bar=True)
+        self.log("train/W", self.classifier.weight.detach())
+        return loss
+
+    def validation_step(self, batch: RetrievalBatch, _: int, dataloader_idx: int = 0) -> None:
+        """Look the validation queries up in the validation database."""
+        database = describe_all(self.method, batch.database)
+        query = describe_all(self.method, batch.query)
+        scores = self.method.compare(query, database).score
+        name = self.validation[dataloader_idx]
+        for label, metrics in (("recall@1", self.recalls), ("auc", self.aucs)):
+            metric = cast("Metric", metrics[dataloader_idx])
+            metric.update(scores, batch.distances)
+            tag = f"val/{name}/{label}"
+            self.log(tag, metric, add_dataloader_idx=False, on_epoch=True, on_step=False)
+
+    def on_validation_epoch_end(self) -> None:
+        """The figure that checkpoints are chosen by: the mean recall over validation sets."""
+        recalls = [cast("Metric", recall).compute() for recall in self.recalls]
+        mean = torch.stack(recalls).mean()
+        self.log("val/recall@1", mean, prog_bar=True)
+
+    def configure_optimizers(self) -> Any:
+        """The configured optimizer, and its schedule by epoch."""
+        if self.make_optimizer is None:
+            raise DeepringError("optimizer: none given, and training needs one")
+        optimizer = self.make_optimizer(self.parameters())
+        if self.make_scheduler is None:
+            return optimizer
+        return {"optimizer": optimizer, "lr_scheduler": self.make_scheduler(optimizer)}
+
+
+def load_deepring(checkpoint: Path | str) -> DeepRing:
+    """The network of a checkpoint, in evaluation mode, with the preprocessing it was made with.
+
+    Raises DeepringError where the file is missing or holds no DeepRING checkpoint.
+    """
+    path = Path(checkpoint)
+    if not path.is_file():
+        raise DeepringError(
+            f"checkpoint: {path} is no file; give the .ckpt of a run, such as "
+            "outputs/demo/latest/checkpoints/best.ckpt"
+        )
+    try:
+        state = torch.load(path, map_location="cpu", weights_only=True)
+        settings = state["hyper_parameters"]["settings"]
+        weights = {
+            name.removeprefix("method."): value
+            for name, value in state["state_dict"].items()
+            if name.startswith("method.")
+        }
+        method = DeepRing(DeepRingSettings.from_dict(settings))
+        method.load_state_dict(weights)
+    except DeepringError:
+        raise
+    except Exception as error:  # torch.load raises many kinds for a damaged file
+        raise DeepringError(f"checkpoint: {path} is no DeepRING checkpoint ({error})") from error
+    return method.eval()

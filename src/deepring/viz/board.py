@@ -1,0 +1,68 @@
+"""TensorBoard: what an evaluation leaves there besides the scalars of training."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+from torch import Tensor
+from torch.utils.tensorboard import SummaryWriter
+
+from deepring.evaluation.protocol import Outcome
+
+#: Thresholds that TensorBoard's PR page draws.
+THRESHOLDS = 127
+
+
+def write_board(
+    folder: Path,
+    outcomes: list[Outcome],
+    figures: Mapping[str, Figure],
+    hyperparameters: Mapping[str, bool | str | float | int],
+) -> None:
+    """Metrics, PR curves and figures of an evaluation, and the hyperparameters with them.
+
+    ``figures`` go under their keys as tags. ``folder`` is the run's TensorBoard folder.
+    """
+    with SummaryWriter(str(folder)) as writer:
+        finals: dict[str, float] = {}
+        for outcome in outcomes:
+            head = outcome.results[0]
+            place = f"{head.test}/{head.region}"
+            for metric in ("recall_1", "recall_5", "f1_max", "auc"):
+                tag = f"test/{place}/{metric.replace('recall_', 'recall@')}/{outcome.method}"
+                finals[tag] = getattr(head, metric)
+            add_pr_curve(writer, f"test/{place}/{outcome.method}", outcome)
+        for tag, figure in figures.items():
+            writer.add_figure(tag, figure, close=False)
+        writer.add_hparams(dict(hyperparameters), finals, run_name=".")
+
+
+def add_pr_curve(writer: SummaryWriter, tag: str, outcome: Outcome) -> None:
+    """The protocol's precision and recall at evenly spread thresholds.
+
+    TensorBoard's own counting would take any retrieved wrong place for a missed one.
+    """
+    found, radius = outcome.retrieved, outcome.results[0].radius_m
+    right, answerable = found.distance <= radius, found.nearest <= radius
+    thresholds = np.linspace(found.score.min(), found.score.max(), THRESHOLDS)
+    accepted = found.score[None] >= thresholds[:, None]
+    tp, fp = (accepted & right).sum(1), (accepted & ~right).sum(1)
+    fn, tn = (~accepted & answerable).sum(1), (~accepted & ~answerable).sum(1)
+    writer.add_pr_curve_raw(
+        tag,
+        true_positive_counts=torch.from_numpy(tp),
+        false_positive_counts=torch.from_numpy(fp),
+        true_negative_counts=torch.from_numpy(tn),
+        false_negative_counts=torch.from_numpy(fn),
+        precision=torch.from_numpy(tp / np.maximum(tp + fp, 1)),
+        recall=torch.from_numpy(tp / np.maximum(tp + fn, 1)),
+        num_thresholds=THRESHOLDS,
+    )
+
+
+def add_descriptors(folder: Path, descriptors: Tensor, labels: list[str]) -> None:
+    """Descriptors (n, ...) of the database for the projector, with a label each."""
+    with SummaryWriter(str(folder)) as writer:
+        writer.add_embedding(descriptors.flatten(1), metadata=labels, tag="database")

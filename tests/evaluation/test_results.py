@@ -1,0 +1,148 @@
+"""Results survive the file, and files that cannot be right are refused with their line."""
+
+import math
+from dataclasses import FrozenInstanceError, astuple, replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from deepring.errors import DeepringError
+from deepring.evaluation import results as module
+from deepring.evaluation.results import COLUMNS, Result, read_results, write_results
+
+EXAMPLE = Result(
+    "DeepRING", "nclt", "mulran", "test", 10.0, 120, 480, 450, 0.9, 0.95, 0.947, 0.99, 0.004, 1e-5
+)
+
+printable = st.characters(exclude_categories=["C", "Z"], include_characters=" ")
+names = st.text(printable, max_size=12)
+rates = st.floats(0, 1)
+seconds = st.floats(0, allow_infinity=False)
+counts = st.integers(0, 10**9)
+
+
+@st.composite
+def any_result(draw):
+    radius = draw(st.floats(0, exclude_min=True, allow_infinity=False))
+    queries = draw(counts)
+    tested = (radius, draw(counts), queries, draw(st.integers(0, queries)))
+    reached = (*(draw(rates) for _ in range(4)), draw(seconds), draw(seconds))
+    return Result(*(draw(names) for _ in range(4)), *tested, *reached)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("results")
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(any_result(), max_size=4))
+def test_round_trip_is_exact(folder, results):
+    write_results(folder / "results.csv", results)
+    assert read_results(folder / "results.csv") == results
+
+
+def test_the_columns_are_these():
+    assert ",".join(COLUMNS) == (
+        "method,train,test,region,radius_m,database,queries,answerable,"
+        "recall_1,recall_5,f1_max,auc,seconds_per_scan,seconds_per_query"
+    )
+
+
+def test_a_result_cannot_be_changed():
+    with pytest.raises(FrozenInstanceError):
+        EXAMPLE.auc = 1.0
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("method", "two\nlines"),
+        ("method", 3),
+        ("radius_m", 0.0),
+        ("radius_m", math.inf),
+        ("database", -1),
+        ("queries", 480.0),
+        ("answerable", 481),
+        ("recall_1", 1.1),
+        ("auc", math.nan),
+        ("auc", None),
+        ("seconds_per_scan", -0.1),
+        ("seconds_per_query", math.inf),
+    ],
+)
+def test_a_value_out_of_range_is_named(field, value):
+    with pytest.raises(DeepringError, match=rf"{field} .*expected"):
+        replace(EXAMPLE, **{field: value})
+
+
+def test_write_creates_folders_and_leaves_no_temporary_file(tmp_path):
+    path = tmp_path / "new" / "results.csv"
+    write_results(path, [EXAMPLE])
+    assert list(path.parent.iterdir()) == [path]
+    assert path.read_bytes().count(b"\n") == 2
+    assert b"\r" not in path.read_bytes()
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = tmp_path / "results.csv"
+    write_results(path, [EXAMPLE])
+
+    def breaking():
+        yield EXAMPLE
+        raise RuntimeError("interrupted")
+
+    with pytest.raises(RuntimeError, match="interrupted"):
+        write_results(path, breaking())
+    assert read_results(path) == [EXAMPLE]
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_path_that_cannot_be_written_is_refused(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(DeepringError, match="expected a path to write to"):
+        write_results(tmp_path / "file" / "results.csv", [EXAMPLE])
+
+
+def test_a_spreadsheet_s_byte_order_mark_and_line_ends_are_read(tmp_path):
+    path = tmp_path / "results.csv"
+    row = ",".join(str(value) for value in astuple(EXAMPLE))
+    path.write_bytes(f"\ufeff{','.join(COLUMNS)}\r\n{row}\r\n\r\n".encode())
+    assert read_results(path) == [EXAMPLE]
+
+
+def written(tmp_path, change):
+    path = tmp_path / "results.csv"
+    write_results(path, [EXAMPLE, EXAMPLE])
+    path.write_text(change(path.read_text(encoding="utf-8")), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text.replace("auc", "AUC"), r"missing \['auc'\], unknown \['AUC'\]"),
+        (lambda text: text[:0], "header ''"),
+        (lambda text: text.replace(",450,", ",many,", 1), "line 2: answerable 'many': .*an int"),
+        (lambda text: text[:-1].rsplit(",", 1)[0] + ",soon\n", "line 3: seconds_per_query 'soon'"),
+        (lambda text: text.replace(",0.9,", ",1.9,", 1), r"line 2: recall_1 1\.9"),
+        (lambda text: text.replace(",0.9,", ",", 1), "line 2: 13 values; expected 14"),
+        (lambda text: text + '"open', "unexpected end of data"),
+    ],
+)
+def test_a_file_that_cannot_be_right_is_refused(tmp_path, change, message):
+    with pytest.raises(DeepringError, match=message):
+        read_results(written(tmp_path, change))
+
+
+def test_a_missing_file_and_one_that_is_no_text_are_refused(tmp_path):
+    with pytest.raises(DeepringError, match=r"none\.csv: No such file"):
+        read_results(tmp_path / "none.csv")
+    (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(DeepringError, match="expected CSV in UTF-8"):
+        read_results(tmp_path / "binary.csv")
+
+
+def test_every_column_has_its_expectation_in_words():
+    assert all(module._expected(name).startswith(("a ", "an ")) for name in COLUMNS)

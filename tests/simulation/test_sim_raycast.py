@@ -1,0 +1,161 @@
+"""The column caster against closed forms and against a plain ray-by-ray reference."""
+
+import numpy as np
+import pytest
+
+from deepring.simulation.ground import flat_ground, rolling_ground
+from deepring.simulation.raycast import GROUND, NOTHING, Fan, cast
+from deepring.simulation.shapes import PrismList, Prisms
+
+ORIGIN = np.array([0.0, 0.0, 1.8])
+
+
+def fan(elevations_deg, columns=8, first=0.0) -> Fan:
+    slopes = np.tan(np.deg2rad(np.asarray(elevations_deg, dtype=float)))
+    return Fan(first, np.tile(slopes, (columns, 1)))
+
+
+def shoot(some_fan, prisms, ground=None, origin=ORIGIN, max_range=100.0):
+    ground = flat_ground() if ground is None else ground
+    return cast(some_fan, origin, prisms, ground, max_range, np.random.default_rng(0))
+
+
+def random_prisms(count: int, rng: np.random.Generator) -> Prisms:
+    things = PrismList()
+    while len(things.rows) < count:
+        x, y = rng.uniform(-60, 60, 2)
+        if np.hypot(x, y) < 16:
+            continue
+        z1 = rng.uniform(0.5, 15.0)
+        if rng.random() < 0.5:
+            size = (rng.uniform(0.5, 20.0), rng.uniform(0.3, 8.0))
+            things.box((x, y), size, rng.uniform(-4, 4), (-0.5, z1))
+        else:
+            things.cylinder((x, y), rng.uniform(0.1, 4.0), (-0.5, z1))
+    return things.freeze()
+
+
+def reference(some_fan: Fan, origin, prisms: Prisms, max_range=100.0):
+    """Horizontal distance of every ray, by a three-dimensional test of each ray and prism."""
+    c, s = np.cos(some_fan.headings)[:, None], np.sin(some_fan.headings)[:, None]
+    slope = some_fan.slopes
+    with np.errstate(divide="ignore", invalid="ignore"):
+        best = np.where(slope < 0, -origin[2] / slope, np.inf)
+        for i in range(len(prisms)):
+            dx, dy = origin[0] - prisms.x[i], origin[1] - prisms.y[i]
+            if prisms.round[i]:
+                b, q = dx * c + dy * s, dx**2 + dy**2 - prisms.half_length[i] ** 2
+                root = np.sqrt(b**2 - q)  # NaN where the ray passes by
+                spans = [(-b - root, -b + root)]
+            else:
+                cy, sy = np.cos(prisms.yaw[i]), np.sin(prisms.yaw[i])
+                spans = [
+                    slab(dx * cy + dy * sy, c * cy + s * sy, prisms.half_length[i]),
+                    slab(dy * cy - dx * sy, s * cy - c * sy, prisms.half_width[i]),
+                ]
+            half = (prisms.z1[i] - prisms.z0[i]) / 2
+            spans.append(slab(origin[2] - prisms.z0[i] - half, slope, half))
+            near = np.max(np.stack([np.broadcast_to(a, slope.shape) for a, _ in spans]), axis=0)
+            far = np.min(np.stack([np.broadcast_to(b, slope.shape) for _, b in spans]), axis=0)
+            best = np.where((near < far) & (near > 0) & (near < best), near, best)
+    return np.where(best * np.sqrt(1 + slope**2) > max_range, np.inf, best)
+
+
+def slab(start, speed, half):
+    a, b = (-half - start) / speed, (half - start) / speed
+    return np.minimum(a, b), np.maximum(a, b)
+
+
+def test_flat_ground_is_met_at_height_over_slope():
+    some_fan = fan([-60.0, -10.0, -2.0, 0.0, 10.0])
+    distance, hit = shoot(some_fan, PrismList().freeze())
+    expected = ORIGIN[2] / np.tan(np.deg2rad([60.0, 10.0, 2.0]))
+    np.testing.assert_allclose(distance[:, :3], np.tile(expected, (8, 1)), rtol=1e-9)
+    assert (hit[:, :3] == GROUND).all()
+    assert (hit[:, 3:] == NOTHING).all()
+    assert np.isinf(distance[:, 3:]).all()
+
+
+def test_nothing_is_seen_beyond_the_range():
+    distance, hit = shoot(fan([-2.0]), PrismList().freeze(), max_range=50.0)
+    assert np.isinf(distance).all()  # the ground is met at 51.5 m
+    assert (hit == NOTHING).all()
+
+
+def test_box_side_top_and_bottom():
+    things = PrismList()
+    things.box((10.0, 0.0), (4.0, 2.0), 0.0, (-0.5, 1.0))  # lower than the sensor
+    things.rows.append((0.0, 10.0, 3.0, 5.0, 2.0, 1.0, np.pi / 2, 0, 0.0, 0, 0.4, 3))  # floats
+    slopes = np.array([-0.2, -0.09, 0.14, 0.2])
+    four = Fan(0.0, np.tile(slopes, (4, 1)))
+    distance, hit = shoot(four, things.freeze())
+    # Ahead: at 8 m the first beam is at 0.2 m (the side), the second at 1.08 m (the top, at z = 1).
+    np.testing.assert_allclose(distance[0, :2], [8.0, 0.8 / 0.09])
+    # To the left: the floating box from y = 8 to 12; the third beam enters through its bottom.
+    np.testing.assert_allclose(distance[1, 2:], [1.2 / 0.14, 8.0])
+    assert hit[0, 0] == hit[0, 1] == 0
+    assert hit[1, 2] == hit[1, 3] == 1
+
+
+def test_cylinder_range_off_centre():
+    things = PrismList()
+    things.cylinder((10.0, 0.6), 1.0, (-0.5, 6.0))
+    distance, _ = shoot(fan([0.0], columns=360), things.freeze())
+    assert distance[0, 0] == pytest.approx(10.0 - 0.8)
+
+
+def test_many_prisms_match_the_reference():
+    rng = np.random.default_rng(5)
+    prisms = random_prisms(150, rng)
+    some_fan = fan(np.linspace(-25.0, 30.0, 23), columns=301, first=0.3)
+    distance, hit = shoot(some_fan, prisms)
+    expected = reference(some_fan, ORIGIN, prisms)
+    # The ground's profile is sampled, but flat ground is a straight line between samples.
+    np.testing.assert_allclose(distance, expected, rtol=1e-6)
+    assert (hit >= 0).mean() > 0.2  # the comparison is about prisms, too
+
+
+def test_a_wall_hides_what_is_behind_and_not_what_is_taller():
+    things = PrismList()
+    things.box((20.0, 0.0), (1.0, 4.0), 0.0, (-0.5, 5.0))
+    things.box((40.0, 0.0), (1.0, 4.0), 0.0, (-0.5, 5.0))
+    things.box((60.0, 0.0), (1.0, 4.0), 0.0, (-0.5, 40.0))
+    _, hit = shoot(fan(np.linspace(0.0, 30.0, 61), columns=4), things.freeze())
+    assert set(hit[0]) == {0, 2}
+
+
+def test_beams_stop_inside_a_crown_or_pass_through():
+    things = PrismList()
+    things.cylinder((20.0, 0.0), 3.0, (1.0, 9.0), depth=2.0)
+    some_fan = fan([5.0] * 4, columns=4000)
+    distance, hit = shoot(some_fan, things.freeze())
+    centre = distance[0, hit[0] == 0]
+    assert (distance[hit == 0] >= 17.0).all()
+    assert (distance[hit == 0] <= 23.0).all()
+    across = np.flatnonzero((hit >= 0).any(axis=1))
+    passed = (hit[across] == NOTHING).mean()
+    assert 0.05 < passed < 0.5
+    assert len(centre) <= 4
+
+
+def test_a_crest_hides_the_ground_behind_it():
+    ground = rolling_ground(2.0, np.random.default_rng(3))
+    origin = np.array([0.0, 0.0, float(ground.height(np.zeros(1), np.zeros(1))[0]) + 1.0])
+    some_fan = fan(np.linspace(-12.0, 2.0, 57), columns=180)
+    distance, hit = shoot(some_fan, PrismList().freeze(), ground, origin)
+    met = hit == GROUND
+    c, s = np.cos(some_fan.headings)[:, None], np.sin(some_fan.headings)[:, None]
+    reach = np.where(met, distance, 0.0)
+    z = origin[2] + reach * some_fan.slopes
+    error = np.abs(z - ground.height(reach * c, reach * s))[met]
+    assert np.median(error) < 0.02
+    assert error.max() < 0.4  # grazing rays behind a crest
+    assert (np.diff(np.where(met, distance, 1e3), axis=1) >= -1e-9).all()
+
+
+def test_prisms_around_the_sensor_are_looked_through():
+    things = PrismList()
+    things.box((0.0, 0.0), (2.0, 2.0), 0.0, (-0.5, 5.0))
+    distance, hit = shoot(fan([-5.0]), things.freeze())
+    assert (hit == GROUND).all()
+    assert np.isfinite(distance).all()
