@@ -98,7 +98,7 @@ def test_heights_are_taken_above_the_ground_of_the_frame():
     assert np.allclose(kept[:, 2], [1.8, 2.3, 4.8])
 
 
-@pytest.mark.parametrize("bad", [{"height": (2, 1)}, {"window": 0}, {"cell": -1.0}, {"extent": 0}])
+@pytest.mark.parametrize("bad", [{"height": (2, 1)}, {"window": 4}, {"cell": -1.0}, {"extent": 0}])
 def test_bad_preprocessing_is_named(bad):
     with pytest.raises(DeepringError, match=next(iter(bad))):
         Preprocessing(**bad)
@@ -119,3 +119,20 @@ def test_unknown_raster_values_are_named():
         make_raster({"kind": "voxels"})
     with pytest.raises(DeepringError, match="celsl"):
         make_raster({"kind": "bev", "celsl": 3})
+
+
+def test_clearance_against_scipy():
+    from scipy.ndimage import minimum_filter
+
+    points = np.random.default_rng(5).uniform(-69, 69, (20000, 3)).astype(np.float32)
+    points[:, 2] = np.random.default_rng(6).gamma(1.0, 2.0, 20000)
+    kept = Preprocessing(height=(-1, 50))(points.copy(), 0.0)
+
+    cell = 140 / 120
+    half = 121 * cell / 2
+    i, j = (np.floor((points[:, axis] + half) / cell).astype(int) for axis in (0, 1))
+    lowest = np.full((121, 121), np.inf)
+    np.minimum.at(lowest, (i, j), points[:, 2])
+    floor = minimum_filter(lowest, size=5, mode="nearest")
+    expected = points[points[:, 2] > floor[i, j] + 0.5]
+    assert np.array_equal(kept, expected)

@@ -1,5 +1,6 @@
 """`deepring train` and `deepring evaluate`: Hydra composes, one function runs, a table tells."""
 
+import logging
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -44,6 +45,7 @@ def _run_hydra(name: str, task: Callable[[DictConfig], None], arguments: Sequenc
 def _train(composed: DictConfig) -> None:
     from deepring.experiment.train import train
 
+    _keep_lightning_quiet()
     cfg = check_config(composed)
     trained = train(cfg, run_folder())
     if trained.results:
@@ -62,6 +64,11 @@ def _evaluate(composed: DictConfig) -> None:
     checkpoint = None if cfg.checkpoint is None else Path(cfg.checkpoint)
     show(cfg, evaluate(cfg, folder, checkpoint))
     show_folder(folder)
+
+
+def _keep_lightning_quiet() -> None:
+    """Drop Lightning's tips and device lines; its warnings stay. It sets its level on import."""
+    logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
 
 
 def run_folder() -> Path:

@@ -18,28 +18,106 @@ def occupancy(points, extent, cells, out):
             out[i, j] = 1
 
 
-@njit(cache=True, nogil=True)
-def lowest_point(points, extent, cells, out):
-    """Lower ``out`` (cells, cells) float32 to the smallest z in each cell."""
-    scale = np.float32(cells / (2.0 * extent))
-    half = np.float32(extent)
-    for k in range(points.shape[0]):
-        i = math.floor((points[k, 0] + half) * scale)
-        j = math.floor((points[k, 1] + half) * scale)
-        if 0 <= i < cells and 0 <= j < cells and points[k, 2] < out[i, j]:
-            out[i, j] = points[k, 2]
+# The loops over points write first and count afterwards: which points stay is as good as random
+# to the processor, and a mispredicted branch costs more than a wasted store.
 
 
 @njit(cache=True, nogil=True)
-def above_floor(points, extent, cells, floor, clearance, keep):
-    """Set ``keep`` (n,) where a point stands more than ``clearance`` above its cell's floor."""
-    scale = np.float32(cells / (2.0 * extent))
-    half = np.float32(extent)
+def in_box(points, extent, low, high, kept):
+    """Copy the points with |x|, |y| < extent and low < z < high to the front of ``kept``
+    (n + 1, 3); their number."""
+    extent, low, high = np.float32(extent), np.float32(low), np.float32(high)
+    count = 0
     for k in range(points.shape[0]):
-        i = math.floor((points[k, 0] + half) * scale)
-        j = math.floor((points[k, 1] + half) * scale)
-        inside = 0 <= i < cells and 0 <= j < cells
-        keep[k] = inside and points[k, 2] > floor[i, j] + clearance
+        x, y, z = points[k, 0], points[k, 1], points[k, 2]
+        kept[count, 0] = x
+        kept[count, 1] = y
+        kept[count, 2] = z
+        count += int((abs(x) < extent) & (abs(y) < extent) & (z > low) & (z < high))
+    return count
+
+
+@njit(cache=True, nogil=True)
+def lowest_point(points, half, cell, cells, lowest):
+    """Note each point's flat cell in ``cells`` (n,) and lower ``lowest`` (side, side) to the
+    smallest z in it. Each point must lie inside."""
+    scale, half = np.float32(1.0 / cell), np.float32(half)
+    side = lowest.shape[0]
+    flat = lowest.ravel()
+    for k in range(points.shape[0]):
+        i = int((points[k, 0] + half) * scale)
+        j = int((points[k, 1] + half) * scale)
+        cells[k] = i * side + j
+        if points[k, 2] < flat[cells[k]]:
+            flat[cells[k]] = points[k, 2]
+
+
+@njit(cache=True, nogil=True)
+def keep_above(points, cells, floor, clearance):
+    """Move the points that stand more than ``clearance`` above the floor of their flat cell to
+    the front; their number."""
+    flat = floor.ravel()
+    count = 0
+    for k in range(points.shape[0]):
+        above = points[k, 2] > flat[cells[k]] + clearance
+        points[count, 0] = points[k, 0]
+        points[count, 1] = points[k, 1]
+        points[count, 2] = points[k, 2]
+        count += int(above)
+    return count
+
+
+@njit(cache=True, nogil=True)
+def minimum_filter(image, window):
+    """Smallest value in the ``window`` x ``window`` cells around each cell; borders cut it off."""
+    size, reach = image.shape[0], window // 2
+    rows, out = image.copy(), np.empty_like(image)
+    for i in range(size):
+        for m in range(max(0, i - reach), min(size, i + reach + 1)):
+            for j in range(size):
+                rows[i, j] = rows[i, j] if rows[i, j] < image[m, j] else image[m, j]
+        out[i] = rows[i]
+        for shift in range(1, reach + 1):
+            for j in range(size - shift):
+                ahead, behind = rows[i, j + shift], rows[i, j]
+                out[i, j] = out[i, j] if out[i, j] < ahead else ahead
+                out[i, j + shift] = out[i, j + shift] if out[i, j + shift] < behind else behind
+    return out
+
+
+@njit(cache=True, nogil=True)
+def keep_above(points, cells, floor, clearance):
+    """Move the points that stand more than ``clearance`` above the floor of their flat cell to
+    the front; their number."""
+    flat = floor.ravel()
+    count = 0
+    for k in range(points.shape[0]):
+        above = points[k, 2] > flat[cells[k]] + clearance
+        points[count, 0] = points[k, 0]
+        points[count, 1] = points[k, 1]
+        points[count, 2] = points[k, 2]
+        count += int(above)
+    return count
+
+
+@njit(cache=True, nogil=True)
+def minimum_filter(image, window):
+    """Smallest value in the ``window`` x ``window`` cells around each cell; borders cut it off."""
+    size, reach = image.shape[0], window // 2
+    rows = np.empty_like(image)
+    for i in range(size):
+        rows[i] = image[max(0, i - reach)]
+        for m in range(max(0, i - reach) + 1, min(size, i + reach + 1)):
+            for j in range(size):
+                rows[i, j] = min(rows[i, j], image[m, j])
+    out = np.empty_like(image)
+    for i in range(size):
+        for j in range(size):
+            least = rows[i, j]
+            for m in range(max(0, j - reach), min(size, j + reach + 1)):
+                least = min(least, rows[i, m])
+            out[i, j] = least
+    return out
 
 
 @njit(cache=True, nogil=True)
@@ -51,7 +129,9 @@ def radon_half_turn(images, cosines, sines, bins, scale, out):
     """
     size = images.shape[1]
     centre = np.float32((size - 1) / 2.0)
-    middle = np.float32((bins - 1) / 2.0)
+    middle = np.float32((bins + 1) / 2.0)
+    last = np.float32(bins + 1)
+    row = np.empty(bins + 2, np.float32)  # a spare bin on either side takes what falls off
     xs = np.empty(size * size, np.float32)
     ys = np.empty(size * size, np.float32)
     values = np.empty(size * size, np.float32)
@@ -65,16 +145,16 @@ def radon_half_turn(images, cosines, sines, bins, scale, out):
                     values[count] = images[b, i, j] * scale
                     count += 1
         for a in range(cosines.shape[0]):
-            row = out[b, a]
             c, s = cosines[a], sines[a]
+            row[:] = 0.0
             for k in range(count):
                 position = xs[k] * c + ys[k] * s + middle
-                lower = math.floor(position)
-                upper_share = position - np.float32(lower)
-                if 0 <= lower < bins:
-                    row[lower] += values[k] * (np.float32(1.0) - upper_share)
-                if -1 <= lower < bins - 1:
-                    row[lower + 1] += values[k] * upper_share
+                if 0.0 <= position < last:
+                    lower = int(position)
+                    upper_share = values[k] * (position - np.float32(lower))
+                    row[lower] += values[k] - upper_share
+                    row[lower + 1] += upper_share
+            out[b, a] = row[1 : bins + 1]
 
 
 @njit(cache=True, nogil=True)

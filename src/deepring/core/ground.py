@@ -1,10 +1,10 @@
 """Crop and ground removal: from a raw scan to the points that tell places apart."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter
 
 from deepring.errors import DeepringError
 
@@ -32,7 +32,9 @@ class Preprocessing:
             raise DeepringError(
                 f"preprocessing.height: {[low, high]}, expected [low, high] with low < high"
             )
-        for name in ("window", "cell", "extent"):
+        if self.window < 1 or self.window % 2 == 0:
+            raise DeepringError(f"preprocessing.window: {self.window}, expected an odd number")
+        for name in ("cell", "extent"):
             if getattr(self, name) <= 0:
                 raise DeepringError(
                     f"preprocessing.{name}: {getattr(self, name)}, expected more than 0"
@@ -43,24 +45,22 @@ class Preprocessing:
 
         ``ground_z`` is the z of the ground under the sensor in the scan's frame (metres).
         """
-        low, high = self.height
-        z = points[:, 2]
-        near = np.abs(points[:, :2]).max(axis=1, initial=0.0) < self.extent
-        band = points[near & (z > low + ground_z) & (z < high + ground_z)]
-        if self.clearance is not None:
-            band = band[self._stands(band)]
-        band[:, 2] -= np.float32(ground_z)
-        return band
-
-    def _stands(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Which points stand more than the clearance above the local ground."""
         from deepring.core import _kernels
 
-        cells = max(1, round(2 * self.extent / self.cell))
-        lowest = np.full((cells, cells), np.inf, dtype=np.float32)
-        points = np.ascontiguousarray(points)
-        _kernels.lowest_point(points, self.extent, cells, lowest)
-        floor = minimum_filter(lowest, size=self.window, mode="nearest")
-        keep = np.empty(len(points), dtype=np.bool_)
-        _kernels.above_floor(points, self.extent, cells, floor, self.clearance, keep)
-        return keep
+        if points.ndim != 2 or points.shape[1] < 3:
+            raise DeepringError(f"points: shape {points.shape}, expected (n, 3)")
+        low, high = self.height
+        points = np.ascontiguousarray(points, dtype=np.float32)
+        kept = np.empty((len(points) + 1, 3), dtype=np.float32)
+        count = _kernels.in_box(points, self.extent, low + ground_z, high + ground_z, kept)
+        kept = kept[:count]
+        if self.clearance is not None:
+            # A spare cell, so that rounding at the far border stays inside.
+            side = math.ceil(2 * self.extent / self.cell) + 1
+            lowest = np.full((side, side), np.inf, dtype=np.float32)
+            cells = np.empty(count, dtype=np.int32)
+            _kernels.lowest_point(kept, side * self.cell / 2, self.cell, cells, lowest)
+            floor = _kernels.minimum_filter(lowest, self.window)
+            kept = kept[: _kernels.keep_above(kept, cells, floor, np.float32(self.clearance))]
+        kept[:, 2] -= np.float32(ground_z)
+        return kept

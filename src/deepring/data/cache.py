@@ -145,7 +145,7 @@ class RasterCache:
         keep = np.array([row is not None for row in rows], dtype=np.bool_)
         values = [row for row in rows if row is not None]
         stored = np.uint8 if raster.dtype == np.bool_ else raster.dtype
-        data = np.frombuffer(b"".join(values), dtype=stored).reshape(len(values), -1)
+        data = np.frombuffer(bytearray().join(values), dtype=stored).reshape(len(values), -1)
         return scans.subset(keep), Rasters(data, raster), tuple(broken)
 
     @contextmanager

@@ -5,6 +5,9 @@ import math
 import numpy as np
 import torch
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn.functional import avg_pool2d
 
 from deepring.core.correlation import correlation_curves
 from deepring.core.radon import radon
@@ -64,12 +67,18 @@ def twin_figure(method: Method, scans: ScanSet, k: int) -> Figure:
     turned = turn_points(points, math.radians(TWIN_TURN))
     bev, twin = (torch.from_numpy(raster(p, scans.ground_z))[None] for p in (points, turned))
     a, b = method.describe(bev).cpu(), method.describe(twin).cpu()
+
+    def sinogram(image: Tensor) -> NDArray[np.float32]:
+        """With as many rows as the descriptor has."""
+        full = radon(image, extent=raster.extent)
+        return avg_pool2d(full[:, None], full.shape[-2] // a.shape[-2])[0, 0].numpy()
+
     norm = torch.linalg.vector_norm(a) * torch.linalg.vector_norm(b)
     curve = correlation_curves(b, a)[0, 0] / norm
     return sinogram_figure(
         bev[0].numpy(),
-        radon(bev, extent=raster.extent)[0].numpy(),
-        radon(twin, extent=raster.extent)[0].numpy(),
+        sinogram(bev),
+        sinogram(twin),
         curve.numpy(),
         raster.extent,
         TWIN_TURN,

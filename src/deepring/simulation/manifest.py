@@ -19,7 +19,7 @@ def claim(root: Path, settings: SimulationSettings) -> bool:
     Raises DeepringError, and touches nothing, where ``root`` holds something else.
     """
     if not _occupied(root):
-        _write(root, settings, {})
+        _write(root, settings, {}, [])
         return False
     found = _read(root)
     if found is None:
@@ -31,9 +31,11 @@ def claim(root: Path, settings: SimulationSettings) -> bool:
     return _whole(root, found)
 
 
-def finish(root: Path, settings: SimulationSettings, scans: dict[str, int]) -> None:
-    """Record that all files are there: ``scans`` counts them by folder, relative to ``root``."""
-    _write(root, settings, scans)
+def finish(
+    root: Path, settings: SimulationSettings, scans: dict[str, int], poses: list[str]
+) -> None:
+    """Record that all files are there, relative to ``root``: scans by folder, pose files."""
+    _write(root, settings, scans, poses)
 
 
 def _occupied(root: Path) -> bool:
@@ -80,19 +82,23 @@ def _check_same(found: dict[str, object], settings: SimulationSettings, root: Pa
 
 def _whole(root: Path, found: dict[str, object]) -> bool:
     """Whether every file that the finished run counted is still there."""
-    scans = found.get("scans")
-    if not isinstance(scans, dict) or not scans:
+    scans, poses = found.get("scans"), found.get("poses")
+    if not isinstance(scans, dict) or not isinstance(poses, list) or not scans:
         return False
-    return all(len(list((root / name).glob("[!.]*"))) == count for name, count in scans.items())
+    counted = all(len(list((root / f).glob("[!.]*"))) == n for f, n in scans.items())
+    return counted and all((root / name).is_file() for name in poses)
 
 
-def _write(root: Path, settings: SimulationSettings, scans: dict[str, int]) -> None:
+def _write(
+    root: Path, settings: SimulationSettings, scans: dict[str, int], poses: list[str]
+) -> None:
     content = {
         "format": "deepring simulation",
         "version": VERSION,
         "settings": settings.as_dict(),
         "complete": bool(scans),
         "scans": scans,
+        "poses": poses,
     }
     data = (json.dumps(content, indent=2) + "\n").encode()
     write_whole(root / NAME, [data])

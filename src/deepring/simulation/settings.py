@@ -37,7 +37,7 @@ class SimulationSettings:
     ground_relief: float = 0.8  # standard deviation of the ground's height
 
     # what differs between the sessions, and what moves
-    trees_changed: float = 0.35  # of the trees stand in one session only
+    trees_changed: float = 0.4  # of the trees stand in one session only
     structures_changed: float = 0.15  # of facade parts, walls, sheds, clutter: one session only
     bare_season: float = 1.5  # crowns are this much more transparent in the database session
     parking_share: float = 0.55  # of the parking slots are taken, drawn anew for each session
@@ -50,11 +50,11 @@ class SimulationSettings:
     range_noise: float = 0.025  # standard deviation
     dropout_near: float = 0.02  # share of returns lost at the sensor ...
     dropout_far: float = 0.25  # ... and at max_range; it grows with the squared distance
-    tilt_deg: float = 2.75  # standard deviation of the platform's roll and of its pitch
+    tilt_deg: float = 3.0  # standard deviation of the platform's roll and of its pitch
     blind_width_deg: float = 0.0  # sector without returns, centred on the LiDAR's +x
 
     # the drives
-    lateral_offset: float = 7.0  # the path wanders by up to this to either side
+    lateral_offset: float = 5.0  # the path wanders by up to this to either side
     lateral_knots: float = 40.0  # metres of path between two offsets
     lane_offset: float = 0.0  # constant offset to the right of the street's middle
     reversed_share: float = 0.5  # of the query's passes that go against every database pass
@@ -100,12 +100,13 @@ def mulran(seed: int = 0) -> SimulationSettings:
         building_share=0.9,
         tree_spacing=12.0,
         ground_relief=0.6,
+        trees_changed=0.3,
         parking_share=0.65,
         mover_vehicle_share=0.8,
         azimuths=512,
         tilt_deg=0.7,
         blind_width_deg=70.0,
-        lateral_offset=4.0,
+        lateral_offset=2.5,
         lane_offset=3.5,
         reversed_share=0.2,
         scan_spacing=3.0,

@@ -1,6 +1,7 @@
 """Simulate two drives through one world and write them as NCLT or MulRan would be on disk."""
 
 import multiprocessing
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,14 +70,21 @@ def simulate(
     _write_poses(scene, root)
     tasks = _tasks(scene, root)
     _write_scans(tasks, workers, progress)
-    folders = [task.path.parent.relative_to(root).as_posix() for task in tasks]
-    manifest.finish(root, settings, {name: folders.count(name) for name in sorted({*folders})})
+    _finish(scene, root, tasks)
     return root
 
 
 def session_names(settings: SimulationSettings) -> tuple[str, str]:
     """Folder names of the database and the query session."""
     return _writer(settings).SESSIONS
+
+
+def _finish(scene: Scene, root: Path, tasks: Sequence[Task]) -> None:
+    writer = _writer(scene.settings)
+    scans = Counter(task.path.parent.relative_to(root).as_posix() for task in tasks)
+    files = [path for name in writer.SESSIONS for path in writer.pose_files(root, name)]
+    poses = [path.relative_to(root).as_posix() for path in files]
+    manifest.finish(root, scene.settings, dict(scans), poses)
 
 
 def _tasks(scene: Scene, root: Path) -> list[Task]:
