@@ -1,12 +1,13 @@
-"""Shared fixtures: real scans where they are at hand, one thread so that timings do not collide."""
+"""Shared fixtures. One thread a process: the suite runs in several."""
 
 import os
+
+os.environ["OMP_NUM_THREADS"] = "1"
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
 from pathlib import Path
 
 import pytest
-import torch
-
-torch.set_num_threads(2)
 
 
 @pytest.fixture(scope="session")

@@ -25,8 +25,19 @@ def config_folder() -> Path:
 
 
 def train_command(arguments: Sequence[str]) -> None:
-    """``deepring train [KEY=VALUE ...]``."""
+    """``deepring train [KEY=VALUE ...]``; ``resume=CHECKPOINT`` goes on in that run's folder."""
+    resumed = [a.partition("=")[2] for a in arguments if a.startswith("resume=")]
+    if resumed and (folder := run_of(Path(resumed[-1]))) is not None:
+        arguments = [*arguments, f"hydra.run.dir={folder}"]
+        warnings.filterwarnings("ignore", message="Checkpoint directory .* exists")
     _run_hydra("train", _train, arguments)
+
+
+def run_of(checkpoint: Path) -> Path | None:
+    """The run folder that a checkpoint lies in, None where it lies in none."""
+    folder = checkpoint.parent.parent
+    inside = checkpoint.is_file() and (folder / "config.yaml").is_file()
+    return folder.resolve() if inside else None
 
 
 def evaluate_command(arguments: Sequence[str]) -> None:

@@ -86,41 +86,6 @@ def minimum_filter(image, window):
 
 
 @njit(cache=True, nogil=True)
-def keep_above(points, cells, floor, clearance):
-    """Move the points that stand more than ``clearance`` above the floor of their flat cell to
-    the front; their number."""
-    flat = floor.ravel()
-    count = 0
-    for k in range(points.shape[0]):
-        above = points[k, 2] > flat[cells[k]] + clearance
-        points[count, 0] = points[k, 0]
-        points[count, 1] = points[k, 1]
-        points[count, 2] = points[k, 2]
-        count += int(above)
-    return count
-
-
-@njit(cache=True, nogil=True)
-def minimum_filter(image, window):
-    """Smallest value in the ``window`` x ``window`` cells around each cell; borders cut it off."""
-    size, reach = image.shape[0], window // 2
-    rows = np.empty_like(image)
-    for i in range(size):
-        rows[i] = image[max(0, i - reach)]
-        for m in range(max(0, i - reach) + 1, min(size, i + reach + 1)):
-            for j in range(size):
-                rows[i, j] = min(rows[i, j], image[m, j])
-    out = np.empty_like(image)
-    for i in range(size):
-        for j in range(size):
-            least = rows[i, j]
-            for m in range(max(0, j - reach), min(size, j + reach + 1)):
-                least = min(least, rows[i, m])
-            out[i, j] = least
-    return out
-
-
-@njit(cache=True, nogil=True)
 def radon_half_turn(images, cosines, sines, bins, scale, out):
     """Pixel-driven Radon transform of (b, h, h) float32 into ``out`` (b, angles, bins).
 

@@ -93,6 +93,7 @@ def module(cfg: Config, datasets: list[PlaceDataset], settings: DeepRingSettings
         optimizer=make(cfg.optimizer, "optimizer"),
         scheduler=None if cfg.scheduler is None else make(cfg.scheduler, "scheduler"),
         radius=cfg.evaluation.radii[0],
+        trained_on="+".join(dataset.name for dataset in datasets),
     )
 
 

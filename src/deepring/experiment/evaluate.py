@@ -29,9 +29,8 @@ def evaluate(cfg: Config, folder: Path, checkpoint: Path | None = None) -> list[
     Writes ``results.csv``, ``results.md``, pictures and TensorBoard events below ``folder``.
     Raises DeepringError on a user's mistake.
     """
-    network = None if checkpoint is None else load_deepring(checkpoint)
+    network, trained_on = (None, "") if checkpoint is None else load_deepring(checkpoint)
     methods = build.methods(cfg, network)
-    trained_on = "+".join(dataset.name for dataset in build.train_datasets(cfg))
     split = build.test_dataset(cfg).retrieval(cfg.evaluation.region)
 
     outcomes: list[tuple[Outcome, Task]] = []

@@ -20,6 +20,7 @@ IntArray = NDArray[np.int64]
 
 _STEP = 0.5  # metres between the samples of a path
 _ROUNDING = 3.0  # corners are rounded over about twice this (metres)
+_TURNING = 1.5  # the yaw is smoothed by a Gaussian of this deviation (metres)
 _SWAYS = 4  # sine waves that make up the platform's roll, and its pitch
 _WARM_UP = 0.5  # seconds of poses before the first scan and after the last
 
@@ -137,11 +138,17 @@ def _path(
     aside = _wander(driven, settings, rng) - settings.lane_offset
     points = corners[leg] + (driven - ends[leg])[:, None] * along + aside[:, None] * left
     points = gaussian_filter1d(points, _ROUNDING / _STEP, axis=0, mode="nearest")
-    steps = np.diff(points, axis=0)
-    yaw = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
-    yaw = gaussian_filter1d(np.append(yaw, yaw[-1]), 1.0 / _STEP, mode="nearest")
-    far = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
-    return Path(far, points[:, 0], points[:, 1], yaw)
+    return _evenly_sampled(points)
+
+
+def _evenly_sampled(points: FloatArray) -> Path:
+    """The path along ``points`` (n, 2), sampled every ``_STEP``, its yaw smoothed."""
+    driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    even = np.arange(0.0, driven[-1], _STEP)
+    x, y = np.interp(even, driven, points[:, 0]), np.interp(even, driven, points[:, 1])
+    yaw = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
+    yaw = gaussian_filter1d(np.append(yaw, yaw[-1]), _TURNING / _STEP, mode="nearest")
+    return Path(even, x, y, yaw)
 
 
 def _wander(

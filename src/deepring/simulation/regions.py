@@ -5,11 +5,6 @@ test part at x >= GAP. No place of one region sees a place of the other within t
 descriptors look at. The street that joins the parts crosses the gap and belongs to neither.
 """
 
-from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 #: Width of the strip along x between the two regions (metres).
 GAP = 150.0
 
@@ -17,24 +12,16 @@ GAP = 150.0
 UTM_ORIGIN = (345000.0, 4037000.0)
 
 
-@dataclass(frozen=True)
-class Box:
-    """An axis-parallel rectangle of planar coordinates (metres), edges included."""
-
-    low: tuple[float, float]
-    high: tuple[float, float]
-
-    def contains(self, positions: ArrayLike) -> NDArray[np.bool_]:
-        """Whether positions (n, 2) lie inside: (n,) bool."""
-        p = np.asarray(positions, dtype=np.float64)
-        inside: NDArray[np.bool_] = np.all((p >= self.low) & (p <= self.high), axis=-1)
-        return inside
+def _half_plane(x: float, y: float, towards: float) -> list[dict[str, dict[str, list[float]]]]:
+    return [{"half_plane": {"point": [x, y], "normal": [towards, 0.0]}}]
 
 
-#: North, east as NCLT's ground truth writes them; large enough for worlds of any preset.
-NCLT_TRAIN = Box((-2000.0, -2000.0), (0.0, 2000.0))
-NCLT_TEST = Box((GAP, -2000.0), (GAP + 2000.0, 2000.0))
-
-#: Easting, northing as MulRan's ground truth writes them.
-MULRAN_TRAIN = Box((343000.0, 4035000.0), (345000.0, 4039000.0))
-MULRAN_TEST = Box((345000.0 + GAP, 4035000.0), (347000.0 + GAP, 4039000.0))
+#: By layout, as ``deepring.data.regions.parse_region`` and a data config read them. The same for
+#: every seed and every size of world. NCLT: north, east. MulRan: easting, northing.
+REGIONS = {
+    "nclt": {"train": _half_plane(0.0, 0.0, -1.0), "test": _half_plane(GAP, 0.0, 1.0)},
+    "mulran": {
+        "train": _half_plane(*UTM_ORIGIN, -1.0),
+        "test": _half_plane(UTM_ORIGIN[0] + GAP, UTM_ORIGIN[1], 1.0),
+    },
+}

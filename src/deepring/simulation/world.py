@@ -15,7 +15,6 @@ from deepring.simulation.yard import Yard, sides_of
 
 FloatArray = NDArray[np.float64]
 
-_HEADROOM = 2.3  # what hangs higher than this above the ground may reach over the street
 _MOVERS_AHEAD = 45.0  # moving objects are drawn this far along the street, either way (metres)
 
 
@@ -50,19 +49,16 @@ def build_world(settings: SimulationSettings) -> World:
             place_trees(side, character, yard)
             place_structures(side, yard)
             park_cars(side, yard, cars)
-    return World(streets, ground, _clear_streets(yard.prisms.freeze(), streets, ground, settings))
+    return World(streets, ground, _clear_streets(yard.prisms.freeze(), streets, settings))
 
 
-def _clear_streets(
-    prisms: Prisms, streets: Streets, ground: Ground, settings: SimulationSettings
-) -> Prisms:
-    """Leave out what would stand in a street, such as a building's corner near a crossing."""
-    overhead = prisms.z0 > ground.height(prisms.x, prisms.y) + _HEADROOM
-    gap = clearance(prisms.outline(), streets).min(axis=1)
-    trunk = prisms.round & prisms.grounded  # its outline is a square: allow for the corners
-    free = gap + np.where(trunk, prisms.half_length, 0.0) >= settings.corridor
-    crown = prisms.depth > 0
-    return prisms[np.flatnonzero(free | overhead | crown)]
+def _clear_streets(prisms: Prisms, streets: Streets, settings: SimulationSettings) -> Prisms:
+    """Leave out what would stand in a street, such as a building's corner near a crossing.
+
+    Crowns may hang over it.
+    """
+    clear = clearance(prisms.outline(), streets).min(axis=1) >= settings.corridor
+    return prisms[np.flatnonzero(clear | ~prisms.grounded)]
 
 
 def moving_objects(

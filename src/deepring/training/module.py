@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import lightning as L
 import torch
@@ -32,6 +32,7 @@ class DeepRingModule(L.LightningModule):
         optimizer: makes the optimizer of the parameters.
         scheduler: makes its schedule, stepped once an epoch; None keeps the rate.
         radius: revisit radius of the validation metrics, metres.
+        trained_on: names of the training datasets, kept in the checkpoint.
     """
 
     def __init__(
@@ -43,10 +44,11 @@ class DeepRingModule(L.LightningModule):
         optimizer: MakeOptimizer | None = None,
         scheduler: MakeScheduler | None = None,
         radius: float = 10.0,
+        trained_on: str = "",  # noqa: ARG002 - kept by save_hyperparameters
     ) -> None:
         super().__init__()
         # Plain values only: a checkpoint must load with weights_only=True.
-        self.save_hyperparameters("settings", "temperature_scale", logger=False)
+        self.save_hyperparameters("settings", "temperature_scale", "trained_on", logger=False)
         self.method = DeepRing(DeepRingSettings.from_dict(settings))
         self.classifier = OneShotClassifier(temperature_scale)
         self.loss = nn.CrossEntropyLoss() if loss is None else loss
@@ -99,8 +101,17 @@ class DeepRingModule(L.LightningModule):
         return {"optimizer": optimizer, "lr_scheduler": self.make_scheduler(optimizer)}
 
 
-def load_deepring(checkpoint: Path | str) -> DeepRing:
-    """The network of a checkpoint, in evaluation mode, with the preprocessing it was made with.
+class TrainedNetwork(NamedTuple):
+    """What a checkpoint holds."""
+
+    method: DeepRing
+    """In evaluation mode, with the preprocessing it was trained with."""
+    trained_on: str
+    """Names of the training datasets, joined by '+'."""
+
+
+def load_deepring(checkpoint: Path | str) -> TrainedNetwork:
+    """The network of a checkpoint, on the CPU.
 
     Raises DeepringError where the file is missing or holds no DeepRING checkpoint.
     """
@@ -112,16 +123,16 @@ def load_deepring(checkpoint: Path | str) -> DeepRing:
         )
     try:
         state = torch.load(path, map_location="cpu", weights_only=True)
-        settings = state["hyper_parameters"]["settings"]
+        kept = state["hyper_parameters"]
         weights = {
             name.removeprefix("method."): value
             for name, value in state["state_dict"].items()
             if name.startswith("method.")
         }
-        method = DeepRing(DeepRingSettings.from_dict(settings))
+        method = DeepRing(DeepRingSettings.from_dict(kept["settings"]))
         method.load_state_dict(weights)
     except DeepringError:
         raise
     except Exception as error:  # torch.load raises many kinds for a damaged file
         raise DeepringError(f"checkpoint: {path} is no DeepRING checkpoint ({error})") from error
-    return method.eval()
+    return TrainedNetwork(method.eval(), str(kept["trained_on"]))

@@ -1,0 +1,47 @@
+# `make demo` and `make test` do everything, set-up included. PYTHON chooses the interpreter.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+SEED ?= 0
+
+.PHONY: help install demo test test-slow lint bench clean
+
+help:
+	@echo "make demo       simulate, train, evaluate, print one table (SEED=0)"
+	@echo "make test       lint, types, import directions and the default tests"
+	@echo "make test-slow  the long tests"
+	@echo "make bench      scan -> BEV -> sinogram, in milliseconds"
+	@echo "make clean      remove .venv and caches; outputs/ stays"
+
+install: $(INSTALLED)
+
+$(INSTALLED): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "error: $(PYTHON) is older than Python 3.11; use make PYTHON=python3.11"; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+demo: install
+	$(BIN)/deepring simulate nclt --seed $(SEED) -o outputs/datasets/sim_nclt_seed$(SEED)
+	$(BIN)/deepring train experiment=demo seed=$(SEED) \
+	  data.root=outputs/datasets/sim_nclt_seed$(SEED)
+
+test: install lint
+	$(BIN)/python -m pytest -n 2
+
+test-slow: install
+	$(BIN)/python -m pytest -m slow
+
+lint: install
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: install
+	$(BIN)/python benchmarks/sinogram.py
+
+clean:
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
