@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from deepring.simulation.settings import tiny
+from deepring.simulation.simulate import simulate
+
 
 @pytest.fixture(scope="session")
 def real_data() -> Path:
@@ -18,3 +21,15 @@ def real_data() -> Path:
     if not folder.is_dir():
         pytest.skip("no real scans here: set DEEPRING_TEST_DATA to a folder that holds them")
     return folder
+
+
+@pytest.fixture(scope="session")
+def tiny_nclt(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A few streets in NCLT's layout."""
+    return simulate(tiny("nclt"), tmp_path_factory.mktemp("simulated") / "nclt")
+
+
+@pytest.fixture(scope="session")
+def tiny_mulran(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A few streets in MulRan's layout."""
+    return simulate(tiny("mulran"), tmp_path_factory.mktemp("simulated") / "mulran")

@@ -7,14 +7,9 @@ import numpy as np
 import pytest
 
 from deepring.core.rigid import yaw_of
+from deepring.data.regions import parse_region
 from deepring.simulation.drive import plan_drives
-from deepring.simulation.regions import (
-    MULRAN_TEST,
-    MULRAN_TRAIN,
-    NCLT_TEST,
-    NCLT_TRAIN,
-    UTM_ORIGIN,
-)
+from deepring.simulation.regions import REGIONS, UTM_ORIGIN
 from deepring.simulation.routes import database_route, opposed_share, query_route
 from deepring.simulation.settings import mulran, nclt, preset
 from deepring.simulation.shapes import BOTH, DATABASE, QUERY
@@ -90,13 +85,19 @@ def test_a_share_of_the_passes_is_reversed(seed):
 
 
 def test_regions_are_more_than_140_m_apart_and_named_in_both_frames():
-    assert NCLT_TEST.low[0] - NCLT_TRAIN.high[0] >= 140.0
-    assert MULRAN_TEST.low[0] - MULRAN_TRAIN.high[0] >= 140.0
-    inside = np.array([[-50.0, 20.0], [70.0, 0.0], [200.0, -30.0]])
-    assert NCLT_TRAIN.contains(inside).tolist() == [True, False, False]
-    assert NCLT_TEST.contains(inside).tolist() == [False, False, True]
-    assert MULRAN_TRAIN.contains(inside + UTM_ORIGIN).tolist() == [True, False, False]
-    assert MULRAN_TEST.contains(inside + UTM_ORIGIN).tolist() == [False, False, True]
+    positions = np.array([[-50.0, 20.0], [5.0, 0.0], [145.0, 0.0], [200.0, -30.0]])
+    for layout, origin in (("nclt", (0.0, 0.0)), ("mulran", UTM_ORIGIN)):
+        train, test = (parse_region(REGIONS[layout][part], part) for part in ("train", "test"))
+        assert train.contains(positions + origin).tolist() == [True, False, False, False]
+        assert test.contains(positions + origin).tolist() == [False, False, False, True]
+
+
+def test_headings_turn_no_faster_than_a_wheeled_robot():
+    for settings in (nclt(), mulran()):
+        for drive in plan_drives(build_world(settings), settings):
+            turn = np.abs(np.diff(drive.path.yaw)) / np.diff(drive.path.driven)
+            assert turn.max() < 1.2  # rad/m: a turn on less than a metre would be a jump
+            assert np.median(turn) < 0.02
 
 
 def test_the_sessions_do_not_share_their_sampling_phase():

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import hydra
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from deepring.cli.report import console, mistakes_reported
@@ -58,7 +57,7 @@ def _train(composed: DictConfig) -> None:
 
     _keep_lightning_quiet()
     cfg = check_config(composed)
-    trained = train(cfg, run_folder())
+    trained = train(cfg, run_folder(cfg))
     if trained.results:
         show(cfg, trained.results)
     console.print(f"checkpoint   {trained.checkpoint}")
@@ -70,7 +69,7 @@ def _evaluate(composed: DictConfig) -> None:
     from deepring.experiment.evaluate import evaluate
 
     cfg = check_config(composed)
-    folder = run_folder()
+    folder = run_folder(cfg)
     open_run_folder(cfg, folder)
     checkpoint = None if cfg.checkpoint is None else Path(cfg.checkpoint)
     show(cfg, evaluate(cfg, folder, checkpoint))
@@ -82,9 +81,9 @@ def _keep_lightning_quiet() -> None:
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
 
 
-def run_folder() -> Path:
+def run_folder(cfg: Config) -> Path:
     """The folder that Hydra made for this run, relative to where the command was started."""
-    folder = Path(HydraConfig.get().runtime.output_dir)
+    folder = Path(cfg.paths.run)
     return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
 
 

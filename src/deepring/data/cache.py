@@ -145,12 +145,19 @@ class RasterCache:
         keep = np.array([row is not None for row in rows], dtype=np.bool_)
         values = [row for row in rows if row is not None]
         stored = np.uint8 if raster.dtype == np.bool_ else raster.dtype
-        data = np.frombuffer(bytearray().join(values), dtype=stored).reshape(len(values), -1)
+        data = np.frombuffer(bytearray().join(values), dtype=stored)
+        data = data.reshape(len(values), -1 if values else 0)
         return scans.subset(keep), Rasters(data, raster), tuple(broken)
 
     @contextmanager
     def _database(self) -> Iterator[sqlite3.Connection]:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise DeepringError(
+                f"paths.cache: {self.path.parent} cannot be made ({error.strerror}); choose "
+                "another folder with paths.cache=FOLDER"
+            ) from error
         try:
             with closing(sqlite3.connect(self.path, timeout=60.0)) as database:
                 database.execute(

@@ -175,10 +175,19 @@ class PlaceDataset:
         yaw_seed: int | None = None,
     ) -> ScanSet:
         mask = self.mask(region, session)
+        if not mask.any():
+            raise DeepringError(self._empty(region, session))
         if among is not None:
             mask &= among
         if not mask.any():
-            raise DeepringError(self._empty(region, session))
+            c = self.config
+            raise DeepringError(
+                f"data.split: the scans of session {session.name} in region {region!r} do not "
+                "split into first passes and revisits, which are within "
+                f"data.revisit_radius={c.revisit_radius:g} m of a scan more than "
+                f"data.revisit_apart={c.revisit_apart:g} m of path earlier; change these or the "
+                "region"
+            )
         indices = sample_by_distance(session.positions, spacing, mask)
         yaws = None
         if yaw_seed is not None:

@@ -1,5 +1,6 @@
 """Regions of the ground plane: unions of discs, half-planes and polygons, in ground truth."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -95,10 +96,17 @@ def parse_region(spec: Any, name: str) -> Region:
             f"{name}: {spec!r}, expected null, a list of shapes, or inside: and outside: lists"
         )
     parts = {
-        side: tuple(_parse_shape(shape, f"{name}.{side}") for shape in spec.get(side) or ())
-        for side in ("inside", "outside")
+        side: _parse_shapes(spec.get(side), f"{name}.{side}") for side in ("inside", "outside")
     }
     return Region(**parts)
+
+
+def _parse_shapes(spec: Any, name: str) -> tuple[Shape, ...]:
+    if spec is None:
+        return ()
+    if isinstance(spec, str) or not isinstance(spec, Sequence):
+        raise DeepringError(f"{name}: {spec!r}, expected null or a list of shapes")
+    return tuple(_parse_shape(shape, name) for shape in spec)
 
 
 def _parse_shape(spec: Any, name: str) -> Shape:
@@ -109,7 +117,7 @@ def _parse_shape(spec: Any, name: str) -> Shape:
         match kind:
             case "disc":
                 disc = Disc(_pair(values["center"]), float(values["radius"]))
-                if set(values) == {"center", "radius"} and disc.radius > 0:
+                if set(values) == {"center", "radius"} and 0 < disc.radius < math.inf:
                     return disc
             case "half_plane":
                 plane = HalfPlane(_pair(values["point"]), _pair(values["normal"]))
@@ -119,7 +127,7 @@ def _parse_shape(spec: Any, name: str) -> Shape:
                 polygon = Polygon(tuple(_pair(vertex) for vertex in values))
                 if len(polygon.vertices) >= 3:
                     return polygon
-    except (AttributeError, KeyError, TypeError, ValueError):
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
         pass
     raise DeepringError(
         f"{name}: {spec!r} is no shape; expected {{disc: {{center: [x, y], radius: r > 0}}}}, "
@@ -128,6 +136,8 @@ def _parse_shape(spec: Any, name: str) -> Shape:
 
 
 def _pair(values: Any) -> tuple[float, float]:
+    if isinstance(values, str) or not isinstance(values, Sequence):
+        raise ValueError("no list")  # the text "12" is no position (1, 2)
     x, y = (float(value) for value in values)
     if not (np.isfinite(x) and np.isfinite(y)):
         raise ValueError("not finite")

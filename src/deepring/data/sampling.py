@@ -17,7 +17,7 @@ def sample_by_distance(positions: Positions, spacing: float, mask: NDArray[np.bo
     A scan is kept when its distance from the last kept one exceeds ``spacing`` metres; the
     first one in the mask is always kept. 0 keeps all.
     """
-    if spacing < 0:
+    if not spacing >= 0:  # NaN too
         raise DeepringError(f"data.spacing: {spacing}, expected metres, at least 0")
     kept: list[int] = []
     for index in np.flatnonzero(mask):
@@ -36,6 +36,10 @@ def revisits(positions: Positions, radius: float = 10.0, apart: float = 100.0) -
     Scan i is a revisit when an earlier scan within ``radius`` metres of it lies more than
     ``apart`` metres of driven path before. The others are first passes.
     """
+    if not (radius >= 0 and apart >= 0):
+        raise DeepringError(
+            f"data.revisit_radius: {radius}, data.revisit_apart: {apart}; expected metres, at least 0"
+        )
     steps = np.hypot(*np.diff(positions, axis=0).T) if len(positions) > 1 else np.zeros(0)
     path = np.concatenate([[0.0], np.cumsum(steps)])[: len(positions)]
     near = KDTree(positions).query_ball_point(positions, radius)

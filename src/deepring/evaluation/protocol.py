@@ -12,6 +12,7 @@ from torchmetrics import Metric
 
 from deepring.data.cache import Rasters, ScanSet
 from deepring.data.dataset import distances_between
+from deepring.errors import DeepringError
 from deepring.evaluation.metrics import MaxF1, PlaceAUC, PlacePrecisionRecall, RecallAtK
 from deepring.evaluation.results import Result
 from deepring.evaluation.retrieval import describe_all
@@ -82,6 +83,14 @@ def evaluate_method(
     ``train`` names what a learned method was trained on. Raises DeepringError where a radius
     leaves no query with an answer.
     """
+    for what, side in (("database", task.database), ("query", task.query)):
+        if not len(side):
+            raise DeepringError(
+                f"{task.test}, region {task.region}: the {what} holds 0 scans; expected at least "
+                f"one; mend data.regions.{task.region} or data.{what}"
+            )
+    if not radii:
+        raise DeepringError("evaluation.radii: empty, expected at least one radius in metres")
     database = describe_all(method, task.database.rasters)
     query = describe_all(method, task.query.rasters)
 

@@ -1,5 +1,7 @@
 """From config values to objects: the one place where things are made of a config."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +38,18 @@ def make(node: Any, what: str, *args: Any, **kwargs: Any) -> Any:
             raise cause from None
         reason = str(cause or error).splitlines()[0]
         raise DeepringError(f"{what}: cannot be made of {plain(node)}: {reason}") from error
+
+
+def make_later(node: Any, what: str) -> Callable[..., Any]:
+    """A ``_partial_`` node as a function; a wrong argument is a DeepringError when called."""
+    return partial(_call, make(node, what), what)
+
+
+def _call(function: Callable[..., Any], what: str, *args: Any) -> Any:
+    try:
+        return function(*args)
+    except (TypeError, ValueError) as error:
+        raise DeepringError(f"{what}: {error}") from error
 
 
 def test_dataset(cfg: Config) -> PlaceDataset:
@@ -90,8 +104,8 @@ def module(cfg: Config, datasets: list[PlaceDataset], settings: DeepRingSettings
         validation=[dataset.name for dataset in datasets if dataset.has_validation],
         temperature_scale=cfg.similarity.temperature_scale,
         loss=make(cfg.loss, "loss"),
-        optimizer=make(cfg.optimizer, "optimizer"),
-        scheduler=None if cfg.scheduler is None else make(cfg.scheduler, "scheduler"),
+        optimizer=make_later(cfg.optimizer, "optimizer"),
+        scheduler=None if cfg.scheduler is None else make_later(cfg.scheduler, "scheduler"),
         radius=cfg.evaluation.radii[0],
         trained_on="+".join(dataset.name for dataset in datasets),
     )

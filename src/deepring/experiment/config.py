@@ -87,6 +87,8 @@ class PathsConfig:
     outputs: str = "outputs"
     datasets: str = "outputs/datasets"
     cache: str = "outputs/cache"
+    #: This run's own folder, which Hydra makes.
+    run: str = "???"
 
 
 @dataclass

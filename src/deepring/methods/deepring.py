@@ -44,6 +44,9 @@ class DeepRingSettings:
     aggregation: str = "dft"
     normalisation: str = "unit"
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "widths", tuple(self.widths))
+
     def to_dict(self) -> dict[str, Any]:
         """Plain dict of lists and numbers, as `from_dict` takes it."""
         return {**asdict(self), "widths": list(self.widths)}
@@ -73,9 +76,12 @@ class DeepRing(nn.Module):
         self.representation = make_representation(
             self._raster, settings.angles, settings.bins, settings.pool
         )
+        # Only a sinogram has its own number of bins.
+        bev = isinstance(self._raster, BevRaster)
+        columns = (settings.bins if bev else self._raster.shape[1]) // settings.pool
         self.encoder = CircularUNet(
             settings.widths,
-            out_channels=channels_for(settings.aggregation, settings.bins // settings.pool),
+            out_channels=channels_for(settings.aggregation, columns),
             convolutions=settings.convolutions,
             norm=settings.norm,
             tau_padding=settings.tau_padding,

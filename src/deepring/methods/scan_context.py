@@ -5,6 +5,7 @@ from torch import Tensor
 
 from deepring.core.correlation import correlation_curves, shift_to_yaw
 from deepring.core.rasters import ContextRaster
+from deepring.errors import DeepringError
 from deepring.methods.base import Comparison
 
 
@@ -18,6 +19,8 @@ class ScanContext:
 
     def __init__(self, raster: ContextRaster | None = None, candidates: int | None = None) -> None:
         self.raster = ContextRaster() if raster is None else raster
+        if candidates is not None and candidates < 1:
+            raise DeepringError(f"method.candidates: {candidates}, expected null or at least 1")
         self.candidates = candidates
 
     def describe(self, rasters: Tensor) -> Tensor:
@@ -47,6 +50,8 @@ def _unit_columns(context: Tensor) -> tuple[Tensor, Tensor]:
 
 def _nearest_ring_keys(queries: Tensor, database: Tensor, count: int) -> Tensor:
     """Which entries (q, d) are among the ``count`` nearest in the mean over sectors (L2)."""
-    distance = torch.cdist(queries.mean(dim=-2), database.mean(dim=-2))
+    # Without matrix products, whose cancellation confuses keys that are close.
+    exact = "donot_use_mm_for_euclid_dist"
+    distance = torch.cdist(queries.mean(dim=-2), database.mean(dim=-2), compute_mode=exact)
     nearest = distance.topk(count, largest=False).indices
     return torch.zeros_like(distance, dtype=torch.bool).scatter_(1, nearest, True)

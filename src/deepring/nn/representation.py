@@ -19,6 +19,8 @@ class Sinogram(nn.Module):
 
     def __init__(self, angles: int = 120, bins: int = 120, pool: int = 1) -> None:
         super().__init__()
+        if angles < 2 or angles % 2:
+            raise DeepringError(f"representation.angles: {angles}, expected an even number")
         if pool < 1 or angles % pool or bins % pool:
             raise DeepringError(
                 f"representation.pool: {pool}, expected a divisor of "

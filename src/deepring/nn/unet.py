@@ -1,5 +1,6 @@
 """The feature extraction network: a UNet of circular convolutions (paper, Sec. III-B)."""
 
+import math
 from collections.abc import Sequence
 
 import torch
@@ -14,7 +15,7 @@ def _normalisation(kind: str, channels: int) -> nn.Module:
         case "batch":
             return nn.BatchNorm2d(channels)
         case "group":
-            return nn.GroupNorm(min(8, channels), channels)
+            return nn.GroupNorm(math.gcd(8, channels), channels)
         case "none":
             return nn.Identity()
     raise DeepringError(f"encoder.norm: {kind!r}, expected 'batch', 'group' or 'none'")

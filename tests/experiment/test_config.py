@@ -1,0 +1,89 @@
+"""The config as types: misspelt keys and wrong types are refused, by name."""
+
+import pytest
+from hydra.errors import ConfigCompositionException
+
+from deepring.errors import DeepringError
+from deepring.experiment import build
+
+ROOT = "data.root=/nowhere"
+
+
+def test_defaults_are_the_papers(composed):
+    cfg = composed(ROOT)
+    assert (cfg.episode.ways, cfg.episode.shots, cfg.episode.queries) == (24, 1, 6)
+    assert (cfg.trainer.max_epochs, cfg.episode.per_epoch) == (20, 60)
+    assert (cfg.optimizer.lr, cfg.optimizer.weight_decay) == (1e-3, 1e-4)
+    assert (list(cfg.scheduler.milestones), cfg.scheduler.gamma) == ([5, 12], 0.1)
+    assert (cfg.data.spacing.database, cfg.data.spacing.query) == (20, 5)
+    assert cfg.evaluation.radii[0] == 10
+
+
+@pytest.mark.parametrize("key", ["data.rooot", "episode.wayz", "trainer.max_epoch"])
+def test_a_misspelt_key_is_refused(composed, key):
+    with pytest.raises((DeepringError, ConfigCompositionException), match=key.split(".")[1]):
+        composed(f"{key}=3")
+
+
+@pytest.mark.parametrize(
+    ("override", "key"),
+    [
+        ("episode.ways=many", "episode.ways"),
+        ("data.spacing.query=far", "data.spacing.query"),
+        ("+data.surprise=1", "surprise"),
+        ("evaluation.over=some", "evaluation.over"),
+        ("encoder.widths=8", "encoder.widths"),
+    ],
+)
+def test_a_wrong_type_names_its_key(composed, override, key):
+    with pytest.raises(DeepringError, match=key):
+        composed(ROOT, override)
+
+
+def test_a_missing_value_names_its_key(composed):
+    with pytest.raises(DeepringError, match=r"data\.root=VALUE"):
+        composed("data=nclt")
+
+
+@pytest.mark.parametrize(
+    ("override", "complaint"),
+    [
+        ("encoder.tau_padding=round", "tau_padding"),
+        ("encoder.norm=layer", r"encoder\.norm"),
+        ("representation.raster.kind=voxels", r"raster\.kind"),
+        ("similarity.normalisation=max", r"similarity\.normalisation"),
+        ("aggregation.kind=sum", r"aggregation\.kind"),
+        ("representation.pool=7", r"representation\.pool"),
+        ("+optimizer.momentum=1", "optimizer"),
+    ],
+)
+def test_values_that_no_network_takes_are_refused(composed, override, complaint):
+    cfg = composed(ROOT, override)
+    with pytest.raises(DeepringError, match=complaint):
+        build.module(cfg, [], build.deepring_settings(cfg)).configure_optimizers()
+
+
+@pytest.mark.parametrize("kind", ["sinogram", "sinogram_60", "polar_gram", "range_image"])
+@pytest.mark.parametrize("aggregation", ["dft", "gap", "gmp", "multi_gap"])
+def test_every_representation_goes_with_every_aggregation(composed, kind, aggregation):
+    cfg = composed(
+        ROOT, f"representation={kind}", f"aggregation={aggregation}", "encoder=unet_small"
+    )
+    assert build.module(cfg, [], build.deepring_settings(cfg)).method.representation.rows in (
+        60,
+        120,
+    )
+
+
+def test_methods_are_built_with_their_rasters(composed):
+    methods = build.methods(composed(ROOT), None)
+    assert list(methods) == ["RING", "Scan Context 20x60", "Scan Context 120x120"]
+    assert methods["RING"].raster.preprocessing.clearance == 0.5
+    assert methods["Scan Context 20x60"].raster.shape == (60, 20)
+    assert methods["Scan Context 20x60"].raster.preprocessing.clearance is None
+
+
+def test_no_method_at_all_is_refused(composed):
+    cfg = composed(ROOT, "~methods", name="evaluate")
+    with pytest.raises(DeepringError, match="nothing to evaluate"):
+        build.methods(cfg, None)

@@ -1,0 +1,149 @@
+"""Train and evaluate from the real configs: every experiment file, and a whole small run."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from deepring.cli.experiments import config_folder
+from deepring.errors import DeepringError
+from deepring.evaluation.results import COLUMNS, read_results
+from deepring.experiment.evaluate import evaluate
+from deepring.experiment.train import train
+from deepring.training.module import load_deepring
+
+EXPERIMENTS = sorted(path.stem for path in (config_folder() / "experiment").glob("*.yaml"))
+SMALL = ("episode.ways=2", "episode.queries=1", "episode.per_epoch=2", "data.spacing.train=1")
+
+#: How each experiment is pointed at small data; the fixtures' folders are filled in.
+POINTED = {
+    "demo": ["data.root={tiny_nclt}"],
+    "paper_nclt": [
+        "data.root={tiny_nclt}",
+        "data.database='2031-02-04'",
+        "data.query='2031-03-17'",
+        "data.regions.train=[{{half_plane: {{point: [0, 0], normal: [-1, 0]}}}}]",
+        "data.regions.test=[{{half_plane: {{point: [150, 0], normal: [1, 0]}}}}]",
+        "test=false",
+    ],
+    "paper_mulran": [
+        "data.root={tiny_mulran}",
+        "data.database=SimCity01",
+        "data.query=SimCity02",
+        "data.regions.train=[{{half_plane: {{point: [345000, 0], normal: [-1, 0]}}}}]",
+        "data.regions.test=[{{half_plane: {{point: [345150, 0], normal: [1, 0]}}}}]",
+        "test=false",
+    ],
+    "kitti": [
+        "data.root={tiny_kitti}",
+        "train_data.sim_nclt.root={tiny_nclt}",
+        "train_data.sim_mulran.root={tiny_mulran}",
+    ],
+}
+
+
+def pointed(experiment, request):
+    roots = {
+        name: request.getfixturevalue(name) for name in ("tiny_nclt", "tiny_mulran", "tiny_kitti")
+    }
+    return [override.format(**roots) for override in POINTED[experiment]]
+
+
+def test_every_experiment_file_is_tried():
+    assert set(EXPERIMENTS) == set(POINTED)
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS)
+def test_each_experiment_runs_and_names_its_command(experiment, composed, request, tmp_path):
+    lines = (config_folder() / "experiment" / f"{experiment}.yaml").read_text().splitlines()
+    assert lines[1].startswith(f"# deepring train experiment={experiment}")
+    overrides = pointed(experiment, request)
+    cfg = composed(f"experiment={experiment}", "debug=fast", *SMALL, *overrides)
+    trained = train(cfg, tmp_path / "run")
+    assert load_deepring(trained.checkpoint).trained_on
+    assert bool(trained.results) == cfg.test
+
+
+@pytest.fixture
+def small_run(composed, tiny_nclt, tmp_path):
+    """A whole training on the tiny streets, two epochs of two episodes."""
+    cfg = composed(
+        "experiment=demo",
+        f"data.root={tiny_nclt}",
+        "trainer.max_epochs=2",
+        "callbacks.progress=null",
+        *SMALL,
+    )
+    return cfg, train(cfg, tmp_path / "demo" / "now")
+
+
+def test_a_run_leaves_everything_that_reproduces_it(small_run, tmp_path):
+    _, trained = small_run
+    folder = trained.folder
+    assert (tmp_path / "demo" / "latest").resolve() == folder
+    versions = json.loads((folder / "versions.json").read_text())
+    assert versions["seed"] == 0
+    assert versions["packages"]["torch"] == torch.__version__
+    assert "clearance: 0.5" in (folder / "config.yaml").read_text()
+    assert {p.name for p in (tmp_path / "run" / "checkpoints").iterdir()} == {
+        "best.ckpt",
+        "last.ckpt",
+    }
+    results = read_results(folder / "results.csv")
+    assert (folder / "results.csv").read_text().splitlines()[0] == ",".join(COLUMNS)
+    assert {r.method for r in results} == {
+        "DeepRING",
+        "RING",
+        "Scan Context 20x60",
+        "Scan Context 120x120",
+    }
+    assert {r.radius_m for r in results} == {5, 10, 15, 20, 25}
+    pictures = {p.name for p in (folder / "figures").glob("*.png")}
+    assert {"pr_curves.png", "recall_by_radius.png", "hits_DeepRING.png"} <= pictures
+    assert sum(name.startswith("sinogram") for name in pictures) == 3
+
+
+def test_tensorboard_holds_scalars_figures_curves_and_hyperparameters(small_run, tmp_path):
+    tags = {"scalars": set(), "images": set(), "tensors": set()}
+    for folder in (tmp_path / "run" / "tensorboard", small_run[1].folder / "tensorboard"):
+        events = EventAccumulator(str(folder)).Reload().Tags()
+        for kind, seen in tags.items():
+            seen.update(events[kind])
+    assert {"train/loss", "train/accuracy", "train/W", "val/sim_nclt/recall@1"} <= tags["scalars"]
+    assert "test/sim_nclt/test/recall@1/DeepRING" in tags["scalars"]
+    assert {"pr_curves", "hits_RING"} <= tags["images"]
+    assert "test/sim_nclt/test/DeepRING" in tags["tensors"]
+    assert "hp_metric" not in tags["scalars"]
+
+
+def test_evaluating_the_checkpoint_again_gives_the_same_figures(small_run, composed, tmp_path):
+    cfg, trained = small_run
+    again = evaluate(cfg, tmp_path / "again", trained.checkpoint)
+    for a, b in zip(trained.results, again, strict=True):
+        assert (a.method, a.radius_m, a.recall_1, a.auc) == (
+            b.method,
+            b.radius_m,
+            b.recall_1,
+            b.auc,
+        )
+        assert a.train == b.train
+
+
+def test_recall_over_all_queries_without_code(small_run, composed, tiny_nclt):
+    cfg = composed("evaluation.radii=[25]", "evaluation.over=all", name="evaluate")
+    assert cfg.evaluation.radii == [25]
+
+
+def test_ways_that_the_region_cannot_hold_are_refused(composed, tiny_nclt, tmp_path):
+    cfg = composed(f"data.root={tiny_nclt}", "episode.ways=500")
+    with pytest.raises(DeepringError, match=r"episode\.ways: 500"):
+        train(cfg, tmp_path / "run")
+
+
+def test_resume_from_nothing_is_refused_before_anything_is_written(composed, tiny_nclt, tmp_path):
+    cfg = composed(f"data.root={tiny_nclt}", f"resume={tmp_path / 'no.ckpt'}")
+    with pytest.raises(DeepringError, match="resume"):
+        train(cfg, tmp_path / "run")
+    assert not Path(tmp_path / "run").exists()
