@@ -1,5 +1,6 @@
 """Composed configs, and a KITTI sequence with revisits."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,22 +9,26 @@ from hydra import compose, initialize_config_dir
 
 from deepring.cli.experiments import config_folder
 from deepring.data.nclt import open_nclt
-from deepring.experiment.config import check_config
+from deepring.experiment.config import check_config, register_schema
+
+
+@pytest.fixture(scope="session")
+def compose_in():
+    """A function from an output folder and overrides to a checked config."""
+    register_schema()
+
+    def make(outputs, *overrides, name="train"):
+        folders = [f"paths.outputs={outputs}", f"paths.run={outputs / 'run'}"]
+        with initialize_config_dir(str(config_folder()), version_base="1.3"):
+            return check_config(compose(name, [*folders, *overrides]))
+
+    return make
 
 
 @pytest.fixture
-def composed(tmp_path):
-    """A function from overrides to a checked config, writing below tmp_path."""
-
-    def make(*overrides, name="train"):
-        with initialize_config_dir(str(config_folder()), version_base="1.3"):
-            cfg = compose(
-                name,
-                [f"paths.outputs={tmp_path}", f"paths.run={tmp_path / 'run'}", *overrides],
-            )
-        return check_config(cfg)
-
-    return make
+def composed(compose_in, tmp_path):
+    """The same, writing below tmp_path."""
+    return partial(compose_in, tmp_path)
 
 
 @pytest.fixture(scope="session")

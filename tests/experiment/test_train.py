@@ -15,7 +15,15 @@ from deepring.experiment.train import train
 from deepring.training.module import load_deepring
 
 EXPERIMENTS = sorted(path.stem for path in (config_folder() / "experiment").glob("*.yaml"))
-SMALL = ("episode.ways=2", "episode.queries=1", "episode.per_epoch=2", "data.spacing.train=1")
+#: The tiny streets are 50 m wide: a narrow validation split, few ways.
+SMALL = (
+    "episode.ways=2",
+    "episode.queries=1",
+    "episode.per_epoch=2",
+    "data.spacing.train=1",
+    "data.regions.validation_share=0.3",
+    "data.regions.margin=1",
+)
 
 #: How each experiment is pointed at small data; the fixtures' folders are filled in.
 POINTED = {
@@ -39,6 +47,9 @@ POINTED = {
     "kitti": [
         "data.root={tiny_kitti}",
         "train_data.sim_nclt.root={tiny_nclt}",
+        "train_data.sim_nclt.regions.margin=1",
+        "train_data.sim_nclt.regions.validation_share=0.3",
+        "train_data.sim_mulran.regions.validation_share=0",
         "train_data.sim_mulran.root={tiny_mulran}",
     ],
 }
@@ -66,28 +77,30 @@ def test_each_experiment_runs_and_names_its_command(experiment, composed, reques
     assert bool(trained.results) == cfg.test
 
 
-@pytest.fixture
-def small_run(composed, tiny_nclt, tmp_path):
+@pytest.fixture(scope="module")
+def small_run(compose_in, tiny_nclt, tmp_path_factory):
     """A whole training on the tiny streets, two epochs of two episodes."""
-    cfg = composed(
+    outputs = tmp_path_factory.mktemp("outputs")
+    cfg = compose_in(
+        outputs,
         "experiment=demo",
         f"data.root={tiny_nclt}",
         "trainer.max_epochs=2",
+        "trainer.log_every_n_steps=1",
         "callbacks.progress=null",
         *SMALL,
     )
-    return cfg, train(cfg, tmp_path / "demo" / "now")
+    return cfg, train(cfg, outputs / "run")
 
 
-def test_a_run_leaves_everything_that_reproduces_it(small_run, tmp_path):
-    _, trained = small_run
-    folder = trained.folder
-    assert (tmp_path / "demo" / "latest").resolve() == folder
+def test_a_run_leaves_everything_that_reproduces_it(small_run):
+    folder = small_run[1].folder
+    assert (folder.parent / "latest").resolve() == folder
     versions = json.loads((folder / "versions.json").read_text())
     assert versions["seed"] == 0
     assert versions["packages"]["torch"] == torch.__version__
     assert "clearance: 0.5" in (folder / "config.yaml").read_text()
-    assert {p.name for p in (tmp_path / "run" / "checkpoints").iterdir()} == {
+    assert {p.name for p in (folder / "checkpoints").iterdir()} == {
         "best.ckpt",
         "last.ckpt",
     }
@@ -105,12 +118,9 @@ def test_a_run_leaves_everything_that_reproduces_it(small_run, tmp_path):
     assert sum(name.startswith("sinogram") for name in pictures) == 3
 
 
-def test_tensorboard_holds_scalars_figures_curves_and_hyperparameters(small_run, tmp_path):
-    tags = {"scalars": set(), "images": set(), "tensors": set()}
-    for folder in (tmp_path / "run" / "tensorboard", small_run[1].folder / "tensorboard"):
-        events = EventAccumulator(str(folder)).Reload().Tags()
-        for kind, seen in tags.items():
-            seen.update(events[kind])
+def test_tensorboard_holds_scalars_figures_curves_and_hyperparameters(small_run):
+    tags = EventAccumulator(str(small_run[1].folder / "tensorboard")).Reload().Tags()
+    tags = {kind: set(tags[kind]) for kind in ("scalars", "images", "tensors")}
     assert {"train/loss", "train/accuracy", "train/W", "val/sim_nclt/recall@1"} <= tags["scalars"]
     assert "test/sim_nclt/test/recall@1/DeepRING" in tags["scalars"]
     assert {"pr_curves", "hits_RING"} <= tags["images"]
@@ -118,7 +128,7 @@ def test_tensorboard_holds_scalars_figures_curves_and_hyperparameters(small_run,
     assert "hp_metric" not in tags["scalars"]
 
 
-def test_evaluating_the_checkpoint_again_gives_the_same_figures(small_run, composed, tmp_path):
+def test_evaluating_the_checkpoint_again_gives_the_same_figures(small_run, tmp_path):
     cfg, trained = small_run
     again = evaluate(cfg, tmp_path / "again", trained.checkpoint)
     for a, b in zip(trained.results, again, strict=True):
@@ -131,13 +141,16 @@ def test_evaluating_the_checkpoint_again_gives_the_same_figures(small_run, compo
         assert a.train == b.train
 
 
-def test_recall_over_all_queries_without_code(small_run, composed, tiny_nclt):
-    cfg = composed("evaluation.radii=[25]", "evaluation.over=all", name="evaluate")
-    assert cfg.evaluation.radii == [25]
+def test_how_good_at_25_m_over_all_queries_needs_no_code(composed, tiny_nclt, tmp_path):
+    choice = ("evaluation.radii=[25]", "evaluation.over=all", "evaluation.figures=false")
+    cfg = composed(f"data.root={tiny_nclt}", *choice, name="evaluate")
+    results = evaluate(cfg, tmp_path / "run")
+    assert [r.radius_m for r in results] == [25, 25, 25]
+    assert "all queries" in (tmp_path / "run" / "results.md").read_text()
 
 
 def test_ways_that_the_region_cannot_hold_are_refused(composed, tiny_nclt, tmp_path):
-    cfg = composed(f"data.root={tiny_nclt}", "episode.ways=500")
+    cfg = composed(f"data.root={tiny_nclt}", *SMALL, "episode.ways=500")
     with pytest.raises(DeepringError, match=r"episode\.ways: 500"):
         train(cfg, tmp_path / "run")
 

@@ -12,7 +12,12 @@ from omegaconf import DictConfig
 from deepring.cli.report import console, mistakes_reported
 from deepring.evaluation.results import Result
 from deepring.evaluation.tables import render, render_radii
-from deepring.experiment.config import Config, check_config, counted_over
+from deepring.experiment.config import (
+    Config,
+    check_config,
+    counted_over,
+    register_schema,
+)
 from deepring.experiment.run_folder import open_run_folder
 
 
@@ -48,6 +53,7 @@ def _run_hydra(name: str, task: Callable[[DictConfig], None], arguments: Sequenc
     sys.argv = [f"deepring {name}", *arguments]
     # Lightning calls what torch has renamed; not the user's concern.
     warnings.filterwarnings("ignore", message=".*LeafSpec.*")
+    register_schema()
     hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=name)(task)()
 
 

@@ -83,30 +83,23 @@ class Region:
 def parse_region(spec: Any, name: str) -> Region:
     """A region from plain config values; None is everywhere.
 
-    ``{inside: [...], outside: [...]}``, or a list for inside alone, of ``{disc: {center: [x, y],
-    radius: r}}``, ``{half_plane: {point: [x, y], normal: [x, y]}}`` and ``{polygon: [[x, y],
-    ...]}``. ``name`` is the config key, for the error.
+    A list of ``{disc: {center: [x, y], radius: r}}``, ``{half_plane: {point: [x, y], normal:
+    [x, y]}}`` and ``{polygon: [[x, y], ...]}``, each alone or as ``{outside: SHAPE}``: the union
+    of the plain shapes (everywhere, where there is none) without the outside ones. ``name`` is
+    the config key, for the error.
     """
     if spec is None:
         return Region()
-    if isinstance(spec, Sequence) and not isinstance(spec, str):
-        spec = {"inside": spec}
-    if not isinstance(spec, Mapping) or not set(spec) <= {"inside", "outside"}:
-        raise DeepringError(
-            f"{name}: {spec!r}, expected null, a list of shapes, or inside: and outside: lists"
-        )
-    parts = {
-        side: _parse_shapes(spec.get(side), f"{name}.{side}") for side in ("inside", "outside")
-    }
-    return Region(**parts)
-
-
-def _parse_shapes(spec: Any, name: str) -> tuple[Shape, ...]:
-    if spec is None:
-        return ()
-    if isinstance(spec, str) or not isinstance(spec, Sequence):
+    if not isinstance(spec, Sequence) or isinstance(spec, str) or not spec:
         raise DeepringError(f"{name}: {spec!r}, expected null or a list of shapes")
-    return tuple(_parse_shape(shape, name) for shape in spec)
+    inside, outside = [], []
+    for k, item in enumerate(spec):
+        where = f"{name}[{k}]"
+        if isinstance(item, Mapping) and set(item) == {"outside"}:
+            outside.append(_parse_shape(item["outside"], where))
+        else:
+            inside.append(_parse_shape(item, where))
+    return Region(tuple(inside), tuple(outside))
 
 
 def _parse_shape(spec: Any, name: str) -> Shape:
@@ -131,7 +124,8 @@ def _parse_shape(spec: Any, name: str) -> Shape:
         pass
     raise DeepringError(
         f"{name}: {spec!r} is no shape; expected {{disc: {{center: [x, y], radius: r > 0}}}}, "
-        "{half_plane: {point: [x, y], normal: [x, y]}} or {polygon: [[x, y], [x, y], [x, y]]}"
+        "{half_plane: {point: [x, y], normal: [x, y]}}, {polygon: [[x, y], [x, y], [x, y]]}, or "
+        "{outside: SHAPE}"
     )
 
 

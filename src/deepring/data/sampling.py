@@ -38,7 +38,8 @@ def revisits(positions: Positions, radius: float = 10.0, apart: float = 100.0) -
     """
     if not (radius >= 0 and apart >= 0):
         raise DeepringError(
-            f"data.revisit_radius: {radius}, data.revisit_apart: {apart}; expected metres, at least 0"
+            f"data.revisit_radius: {radius}, data.revisit_apart: {apart}; "
+            "expected metres, at least 0"
         )
     steps = np.hypot(*np.diff(positions, axis=0).T) if len(positions) > 1 else np.zeros(0)
     path = np.concatenate([[0.0], np.cumsum(steps)])[: len(positions)]

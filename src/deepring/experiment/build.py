@@ -1,5 +1,6 @@
 """From config values to objects: the one place where things are made of a config."""
 
+import logging
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -21,6 +22,8 @@ from deepring.experiment.config import Config
 from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.training.module import DeepRingModule
+
+log = logging.getLogger(__name__)
 
 
 def plain(node: Any) -> Any:
@@ -111,9 +114,17 @@ def module(cfg: Config, datasets: list[PlaceDataset], settings: DeepRingSettings
     )
 
 
-def trainer(cfg: Config, folder: Path) -> L.Trainer:
-    """Lightning's trainer with the configured callbacks and logger, writing below ``folder``."""
-    callbacks = [make(node, f"callbacks.{name}") for name, node in cfg.callbacks.items() if node]
+def trainer(cfg: Config, folder: Path, *, validated: bool) -> L.Trainer:
+    """Lightning's trainer with the configured callbacks and logger, writing below ``folder``.
+
+    Where nothing is held out for validation, the last epoch's weights are the ones kept.
+    """
+    nodes = {name: plain(node) for name, node in cfg.callbacks.items() if node}
+    if not validated:
+        log.warning("no validation split: the weights of the last epoch are kept")
+        for node in nodes.values():
+            node.pop("monitor", None)
+    callbacks = [make(node, f"callbacks.{name}") for name, node in nodes.items()]
     logger: Logger | bool = False if cfg.logger is None else make(cfg.logger, "logger")
     return make(
         cfg.trainer,

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any, cast, get_args
 
+from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -135,17 +136,21 @@ def counted_over(cfg: Config) -> Over:
     return cast("Over", over)
 
 
-def check_config(composed: DictConfig) -> Config:
-    """The composed config as typed values; it stays a DictConfig underneath.
+def register_schema() -> None:
+    """Make `Config` known to Hydra, which then refuses unknown keys and wrong types."""
+    ConfigStore.instance().store(name="schema", node=Config)
 
-    Raises DeepringError that names the key where a key is unknown, a value missing or of the
-    wrong type.
+
+def check_config(composed: DictConfig) -> Config:
+    """The composed config, resolved; it stays a DictConfig underneath.
+
+    Raises DeepringError that names the key where a value is missing or cannot be resolved.
     """
     try:
-        schema = OmegaConf.structured(Config)
-        merged = OmegaConf.merge(schema, composed)
-        OmegaConf.resolve(merged)
-        missing = OmegaConf.missing_keys(merged)
+        plain = OmegaConf.to_container(composed, resolve=True)
+        # Once more over the schema, since +KEY=VALUE adds what it does not know.
+        checked = OmegaConf.merge(OmegaConf.structured(Config), plain)
+        missing = OmegaConf.missing_keys(checked)
     except OmegaConfBaseException as error:
         key = getattr(error, "full_key", None)
         first = str(error).splitlines()[0]
@@ -153,6 +158,6 @@ def check_config(composed: DictConfig) -> Config:
     if missing:
         names = ", ".join(sorted(missing))
         raise DeepringError(f"config: no value for {names}; give it as {sorted(missing)[0]}=VALUE")
-    cfg = cast("Config", merged)
+    cfg = cast("Config", checked)
     counted_over(cfg)
     return cfg

@@ -39,7 +39,7 @@ def train(cfg: Config, folder: Path) -> Trained:
     datamodule = build.datamodule(cfg, datasets, settings)
     module = build.module(cfg, datasets, settings)
     open_run_folder(cfg, folder)
-    trainer = build.trainer(cfg, folder)
+    trainer = build.trainer(cfg, folder, validated=bool(module.validation))
 
     log.info(
         "training %d parameters on %s",
