@@ -25,7 +25,7 @@ def simulate_command(arguments: Sequence[str]) -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2, help="processes (default: 2)")
     parser.add_argument("knobs", nargs="*", metavar="KNOB=VALUE")
-    args = parser.parse_args(arguments)
+    args = parser.parse_intermixed_args(arguments)
 
     knobs = dict(_parse_knob(text) for text in args.knobs)
     settings = with_knobs(preset(args.dataset, args.seed), knobs)

@@ -1,5 +1,6 @@
 """A dataset as a config states it: sessions, spacings, regions, and what to train and test on."""
 
+import logging
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -15,6 +16,8 @@ from deepring.data.regions import Shape, parse_region
 from deepring.data.sampling import far_half_plane, revisits, sample_by_distance
 from deepring.data.scan import Session
 from deepring.errors import DeepringError
+
+log = logging.getLogger(__name__)
 
 
 @dataclass
@@ -97,7 +100,10 @@ class PlaceDataset:
 
     def _open(self, name: str | None) -> Session:
         c = self.config
-        return open_session(c.format, c.root, name, **c.reader)
+        session = open_session(c.format, c.root, name, **c.reader)
+        if session.omissions.broken or session.omissions.without_pose:
+            log.warning("%s %s: left out %s", c.name, session.name, session.omissions)
+        return session
 
     @cached_property
     def _validation(self) -> Shape | None:

@@ -53,7 +53,16 @@ def open_session(format: str, root: Path | str, name: str | None = None, **optio
                 f"{root} holds {len(names)} sessions ({', '.join(names)}): name one"
             )
         name = names[0]
-    return chosen.open(root, name, **options)
+    try:
+        return chosen.open(root, name, **options)
+    except DeepringError as error:
+        names = chosen.sessions(root) if Path(root).is_dir() else []
+        if not names or name in names:
+            raise
+        raise DeepringError(
+            f"no session {name!r} in {root}, which holds {', '.join(names)}; name one of these "
+            "(data.database=..., data.query=...)"
+        ) from error
 
 
 def list_sessions(format: str, root: Path | str) -> list[str]:

@@ -128,6 +128,10 @@ class Config:
     checkpoint: str | None = None
 
 
+#: Regions that a method can be evaluated on.
+EVALUATED = ("test", "whole", "validation")
+
+
 def counted_over(cfg: Config) -> Over:
     """``evaluation.over``, checked."""
     over = cfg.evaluation.over
@@ -160,4 +164,10 @@ def check_config(composed: DictConfig) -> Config:
         raise DeepringError(f"config: no value for {names}; give it as {sorted(missing)[0]}=VALUE")
     cfg = cast("Config", checked)
     counted_over(cfg)
+    if cfg.evaluation.region not in EVALUATED:
+        raise DeepringError(
+            f"evaluation.region: {cfg.evaluation.region!r}, expected one of {', '.join(EVALUATED)}"
+        )
+    if not cfg.evaluation.radii:
+        raise DeepringError("evaluation.radii: empty, expected at least one radius in metres")
     return cfg

@@ -32,8 +32,8 @@ class CircularConv2d(nn.Module):
         bias: bool = True,
     ) -> None:
         super().__init__()
-        if kernel % 2 == 0:
-            raise DeepringError(f"encoder.kernel: {kernel}, expected an odd number")
+        if kernel < 1 or kernel % 2 == 0:
+            raise DeepringError(f"encoder.kernel: {kernel}, expected an odd number, at least 1")
         if tau not in ("circular", "zero"):
             raise DeepringError(f"encoder.tau_padding: {tau!r}, expected 'circular' or 'zero'")
         self.tau = tau

@@ -1,0 +1,140 @@
+"""The command line as a user types it: what works, and each mistake as one clear error."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SMALL = [
+    "episode.ways=2",
+    "episode.queries=1",
+    "episode.per_epoch=1",
+    "trainer.max_epochs=1",
+    "trainer.log_every_n_steps=1",
+    "data.spacing.train=1",
+    "data.regions.validation_share=0.3",
+    "data.regions.margin=1",
+]
+
+
+def deepring(*arguments, cwd):
+    """Run the installed command; no traceback may ever show."""
+    command = [str(Path(sys.executable).with_name("deepring")), *map(str, arguments)]
+    environment = {**os.environ, "COLUMNS": "120"}
+    done = subprocess.run(
+        command, cwd=cwd, capture_output=True, text=True, env=environment, check=False
+    )
+    assert "Traceback" not in done.stderr + done.stdout
+    return done
+
+
+def refused(done, *words):
+    """It failed, and said why in so many words on standard error."""
+    assert done.returncode != 0
+    for word in words:
+        assert word in done.stderr
+    return done
+
+
+def test_help_and_version_are_quick_to_say_what_there_is(tmp_path):
+    for arguments in (["--help"], ["train", "--help"], ["simulate", "--help"], ["data", "-h"]):
+        done = deepring(*arguments, cwd=tmp_path)
+        assert done.returncode == 0
+        assert "deepring" in done.stdout
+    assert deepring("--version", cwd=tmp_path).stdout.startswith("deepring 0.")
+    assert deepring(cwd=tmp_path).returncode == 2
+    refused(deepring("trane", cwd=tmp_path), "trane")
+
+
+def test_train_then_evaluate_its_checkpoint_then_resume(tiny_nclt, tmp_path):
+    done = deepring("train", "experiment=demo", f"data.root={tiny_nclt}", *SMALL, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Recall@1" in done.stdout
+    assert "outputs/demo/" in done.stdout
+    run = tmp_path / "outputs" / "demo" / "latest"
+    names = {"config.yaml", "versions.json", "results.csv", "results.md", "figures", "tensorboard"}
+    assert names <= {p.name for p in run.iterdir()}
+
+    checkpoint = "outputs/demo/latest/checkpoints/best.ckpt"
+    options = [f"checkpoint={checkpoint}", f"data.root={tiny_nclt}", "evaluation.figures=false"]
+    again = deepring("evaluate", *options, "evaluation.radii=[25]", cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert "25 m" in again.stdout
+    assert (tmp_path / "outputs" / "evaluations" / "evaluate" / "latest").is_dir()
+
+    before = run.resolve()
+    resume = ["resume=outputs/demo/latest/checkpoints/last.ckpt", f"data.root={tiny_nclt}"]
+    epochs = ["trainer.max_epochs=2", "test=false"]
+    more = deepring("train", "experiment=demo", *SMALL, *resume, *epochs, cwd=tmp_path)
+    assert more.returncode == 0, more.stderr
+    assert run.resolve() == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["data=nclt"], ["data.root"]),
+        (["data=nclt", "data.root=nowhere"], ["nowhere"]),
+        (["data=ncltt", "data.root=x"], ["ncltt", "sim_nclt"]),
+        (["data.rooot=x"], ["rooot"]),
+        (["episode.ways=many"], ["episode.ways", "many"]),
+        (["checkpoint=gone.ckpt", "data.root={tiny}"], ["gone.ckpt"]),
+        (["data.root={tiny}", "data.database='1999-01-01'"], ["1999-01-01", "2031-02-04"]),
+        (["data.root={tiny}", "data=sim_mulran"], ["nclt"]),
+        (
+            ["data.root={tiny}", "data.regions.test=[{{disc: {{center: [9e4, 0], radius: 5}}}}]"],
+            ["data.regions.test", "spans"],
+        ),
+        (["data.root={tiny}", "data.regions.test=[{{disc: {{center: [9e4]}}}}]"], ["is no shape"]),
+        (["data.root={tiny}", "evaluation.region=moon"], ["evaluation.region", "moon"]),
+        (["data.root={tiny}", "evaluation.radii=[-1]"], ["radius"]),
+        (["data.root={tiny}", "evaluation.radii=[]"], ["evaluation.radii"]),
+    ],
+)
+def test_mistakes_of_evaluate_are_one_error_each(arguments, words, tiny_nclt, tmp_path):
+    arguments = [argument.format(tiny=tiny_nclt) for argument in arguments]
+    refused(deepring("evaluate", *arguments, cwd=tmp_path), *words)
+
+
+def test_data_check_reports_and_tells_by_its_exit_code(tiny_nclt, tmp_path):
+    good = deepring("data", "check", tiny_nclt, cwd=tmp_path)
+    assert good.returncode == 0
+    assert "2031-02-04" in good.stdout
+
+    broken = tmp_path / "broken"
+    shutil.copytree(tiny_nclt, broken)
+    for scan in (broken / "2031-02-04" / "velodyne_sync").glob("*.bin"):
+        scan.write_bytes(b"")
+    assert deepring("data", "check", broken, cwd=tmp_path).returncode != 0
+    refused(deepring("data", "check", tmp_path / "nowhere", cwd=tmp_path), "nowhere")
+
+
+def test_a_few_broken_scans_are_left_out_and_counted(tiny_nclt, tmp_path):
+    damaged = tmp_path / "damaged"
+    shutil.copytree(tiny_nclt, damaged)
+    scans = sorted((damaged / "2031-03-17" / "velodyne_sync").glob("*.bin"))
+    scans[-1].write_bytes(b"")
+    scans[-2].write_bytes(scans[-2].read_bytes()[:1001])
+    report = deepring("data", "check", damaged, cwd=tmp_path)
+    assert report.returncode == 0
+    assert scans[-1].name in report.stdout
+    done = deepring("evaluate", f"data.root={damaged}", "evaluation.figures=false", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "2 broken" in done.stdout + done.stderr
+
+
+def test_simulate_resumes_and_never_overwrites(tmp_path):
+    tiny = ["rows=2", "train_columns=2", "test_columns=2", "block=45", "crossing_jitter=3"]
+    coarse = ["azimuths=240", "scan_spacing=20"]
+    command = ["simulate", "nclt", "-o", "world", *tiny, *coarse]
+    assert deepring(*command, cwd=tmp_path).returncode == 0
+    scans = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.bin")}
+    assert scans
+    assert deepring(*command, cwd=tmp_path).returncode == 0
+    assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.bin")} == scans
+    refused(deepring(*command, "--seed", 7, cwd=tmp_path), "world")
+    refused(deepring(*command, "blok=3", cwd=tmp_path), "blok", "block")
+    refused(deepring(*command, "rows=two", cwd=tmp_path), "rows", "two")
