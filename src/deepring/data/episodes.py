@@ -15,7 +15,7 @@ from deepring.data.cache import Rasters
 from deepring.errors import DeepringError
 
 
-@dataclass(frozen=True)
+@dataclass  # not frozen, since it is a config group too
 class EpisodeSettings:
     """An episode; distances in metres. Defaults are the paper's."""
 

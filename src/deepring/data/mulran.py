@@ -107,6 +107,7 @@ def open_mulran(
         ground_truth=poses[:, :2, 3].copy(),
         stamps=scans.stamps,
         read=read_mulran_scan,
+        axes=("easting", "northing"),
         omissions=scans.omissions,
     )
 

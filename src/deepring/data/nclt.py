@@ -131,6 +131,7 @@ def open_nclt(root: Path | str, date: str, pose_tolerance: float = 0.05) -> Sess
         ground_truth=scans.poses[:, :2, 3].copy(),
         stamps=scans.stamps,
         read=read_nclt_scan,
+        axes=("north", "east"),
         omissions=scans.omissions,
     )
 

@@ -49,6 +49,7 @@ class Session:
     stamps: NDArray[np.int64] | None
     read: Callable[[Path], Points]
     omissions: Omissions = field(default_factory=Omissions)
+    axes: tuple[str, str] = ("x", "y")  # names of the two ground-truth coordinates
 
     def __post_init__(self) -> None:
         n = len(self.files)

@@ -2,13 +2,12 @@
 
 import csv
 import math
-import os
 from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 from deepring.errors import DeepringError
+from deepring.files import replacing
 
 
 @dataclass(frozen=True)
@@ -60,20 +59,10 @@ def write_results(path: str | Path, results: Iterable[Result]) -> None:
     The file is replaced in one step, so that a reader never sees half of it. Floats are written
     so that they read back exactly. Raises DeepringError where the file cannot be written.
     """
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(COLUMNS)
-            writer.writerows(astuple(result) for result in results)
-        temporary.replace(path)
-    except OSError as error:
-        raise DeepringError(f"results {path}: {error}; expected a path to write to") from error
-    finally:
-        with suppress(OSError):
-            temporary.unlink()
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows(astuple(result) for result in results)
 
 
 def read_results(path: str | Path) -> list[Result]:

@@ -8,6 +8,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from deepring.data.dataset import DatasetConfig
+from deepring.data.episodes import EpisodeSettings
 from deepring.errors import DeepringError
 from deepring.evaluation.metrics import Over
 
@@ -59,18 +60,6 @@ class SimilarityConfig:
 
 
 @dataclass
-class EpisodeConfig:
-    """See `deepring.data.episodes.EpisodeSettings`."""
-
-    ways: int = 24
-    shots: int = 1
-    queries: int = 6
-    per_epoch: int = 60
-    same: float = 10.0
-    different: float = 20.0
-
-
-@dataclass
 class EvaluationConfig:
     """Where, at which radii (metres; the first is the headline), and counted over what."""
 
@@ -106,7 +95,7 @@ class Config:
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     aggregation: AggregationConfig = field(default_factory=AggregationConfig)
     similarity: SimilarityConfig = field(default_factory=SimilarityConfig)
-    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    episode: EpisodeSettings = field(default_factory=EpisodeSettings)
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
     paths: PathsConfig = field(default_factory=PathsConfig)
     # Built by hydra's instantiate, which checks their arguments.

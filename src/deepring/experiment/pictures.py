@@ -41,13 +41,16 @@ def evaluation_figures(
     }
     for outcome, task in outcomes:
         found = outcome.retrieved
-        figures[f"hits_{outcome.method}"] = trajectory_figure(
-            task.database.scans.ground_truth[:, ::-1],
-            task.query.scans.ground_truth[:, ::-1],
+        axes = split.query.session.axes
+        north_up = -1 if axes[0] == "north" else 1
+        across, up = axes[::north_up]
+        figures[f"hits_{outcome.method.replace(' ', '_')}"] = trajectory_figure(
+            task.database.scans.ground_truth[:, ::north_up],
+            task.query.scans.ground_truth[:, ::north_up],
             found.distance <= radius,
             found.nearest <= radius,
             f"{outcome.method}: top-1 within {radius:g} m, {task.test} {task.region} region",
-            ("second ground-truth axis", "first ground-truth axis"),
+            (across, up),
         )
     method: Method = network if network is not None and _sees_bev(network) else Ring()
     for k in np.linspace(0, len(split.query) - 1, 3).astype(int):

@@ -33,14 +33,21 @@ def precision_recall_figure(
     """
     if not curves:
         raise DeepringError("curves: none given; expected a precision and recall for each method")
-    figure = new_figure(6.4, 4.6 + 0.2 * math.ceil(len(curves) / 2))
+    figure = new_figure(7.2, 4.8 + 0.2 * math.ceil(len(curves) / 2))
     axes = figure.add_subplot()
     _equal_f1_lines(axes)
     for index, (method, (precision, recall)) in enumerate(curves.items()):
         _draw_curve(axes, index, method, np.asarray(precision), np.asarray(recall))
     dress(axes, title or f"Right within {radius:g} m", "recall", "precision", grid=False)
     axes.set(xlim=(0, 1.01), ylim=(0, 1.01))
-    figure.legend(loc="outside lower center", ncols=2, fontsize=SMALL_SIZE, frameon=False)
+    figure.legend(
+        loc="outside lower center",
+        ncols=2,
+        fontsize=SMALL_SIZE,
+        frameon=False,
+        handlelength=1.6,
+        columnspacing=1.2,
+    )
     return figure
 
 

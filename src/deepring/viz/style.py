@@ -4,15 +4,13 @@ Figures are matplotlib ``Figure`` objects on the Agg canvas. Nothing here opens 
 global state, so that they work on machines without a display and in several threads.
 """
 
-import os
-from contextlib import suppress
 from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from deepring.errors import DeepringError
+from deepring.files import replacing
 
 #: Okabe and Ito's colours, told apart with any common colour blindness; the faint yellow left out.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4D4D4D")
@@ -59,14 +57,5 @@ def save(figure: Figure, path: str | Path, dpi: float = 150.0) -> None:
 
     Raises DeepringError where the file cannot be written.
     """
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as temporary:
         figure.savefig(temporary, format="png", dpi=dpi)
-        temporary.replace(path)
-    except OSError as error:
-        raise DeepringError(f"figure {path}: {error}; expected a path to write to") from error
-    finally:
-        with suppress(OSError):
-            temporary.unlink()
