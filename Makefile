@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 SEED ?= 0
+DEMO_DATA := outputs/datasets/sim_nclt$(if $(filter-out 0,$(SEED)),_seed$(SEED))
 
 .PHONY: help install demo test test-slow lint bench clean
 
@@ -24,9 +25,8 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@touch $@
 
 demo: install
-	$(BIN)/deepring simulate nclt --seed $(SEED) -o outputs/datasets/sim_nclt_seed$(SEED)
-	$(BIN)/deepring train experiment=demo seed=$(SEED) \
-	  data.root=outputs/datasets/sim_nclt_seed$(SEED)
+	$(BIN)/deepring simulate nclt --seed $(SEED) -o $(DEMO_DATA)
+	$(BIN)/deepring train experiment=demo seed=$(SEED) data.root=$(DEMO_DATA)
 
 test: install lint
 	$(BIN)/python -m pytest -n 2

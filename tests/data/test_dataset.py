@@ -248,3 +248,15 @@ def test_distances_are_taken_in_float64():
     assert distances[0].tolist() == pytest.approx([0.01, np.hypot(2.99, 4)], rel=1e-6)
     coarse = torch.from_numpy(session.positions).float()
     assert torch.linalg.vector_norm(coarse[2] - coarse[0]) != pytest.approx(0.01, rel=0.1)
+
+
+def test_a_session_that_would_find_itself_is_refused(tiny_nclt):
+    config = DatasetConfig(
+        name="same",
+        format="nclt",
+        root=str(tiny_nclt),
+        database="2031-02-04",
+        query="2031-02-04",
+    )
+    with pytest.raises(DeepringError, match=r"data\.query: 2031-02-04"):
+        PlaceDataset(config).retrieval("whole")

@@ -166,6 +166,7 @@ def test_images_of_an_episode_are_those_of_its_scans():
     assert torch.equal(number_of(query), scans[:, 2:])
 
 
+@pytest.mark.filterwarnings("ignore:This DataLoader will create")  # on a machine of one core
 @pytest.mark.parametrize("workers", [1, 2])
 def test_same_seed_same_episodes_for_any_number_of_workers(workers):
     def drawn(workers, seed=0):

@@ -28,7 +28,7 @@ def roll_tau(shift):
 
 
 def modular_convolution(x, kernel, sign):
-    """Σ_mn R[(i + sign m) % M, (j + sign n) % N] K[m, n], kernel offsets counted from its centre."""
+    """Σ_mn R[(i + sign m) % M, (j + sign n) % N] K[m, n], offsets from the kernel's centre."""
     rows, columns = x.shape
     reach = kernel.shape[0] // 2
     out = torch.zeros_like(x)

@@ -68,7 +68,7 @@ def test_values_are_shares_of_half_a_line_through_the_centre():
     full = torch.from_numpy(disc_mask(120).copy())[None]
     out = Sinogram()(full)
     assert out.min() >= 0
-    assert out[0, 0, :, 60].sub(2.0).abs().max() < 0.05  # a full line is two halves
+    assert out[0, 0, :, 60].sub(2.0).abs().max() < 0.08  # a full line is two halves
     assert Sinogram()(bev(120)).max() < 1.0
 
 

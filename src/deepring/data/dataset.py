@@ -96,7 +96,15 @@ class PlaceDataset:
     @cached_property
     def query(self) -> Session:
         """The session that queries come from; the same one under 'revisits'."""
-        return self.database if self.config.split == "revisits" else self._open(self.config.query)
+        if self.config.split == "revisits":
+            return self.database
+        session = self._open(self.config.query)
+        if session.name == self.database.name:
+            raise DeepringError(
+                f"data.query: {session.name} is data.database too, and every query would find "
+                "itself; name another session, or take data.split=revisits"
+            )
+        return session
 
     def _open(self, name: str | None) -> Session:
         c = self.config

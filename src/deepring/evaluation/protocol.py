@@ -1,5 +1,6 @@
 """The evaluation protocol: one method on one retrieval set, to rows of results."""
 
+import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +18,8 @@ from deepring.evaluation.metrics import MaxF1, PlaceAUC, PlacePrecisionRecall, R
 from deepring.evaluation.results import Result
 from deepring.evaluation.retrieval import describe_all
 from deepring.methods.base import Method
+
+log = logging.getLogger(__name__)
 
 #: Queries compared at a time.
 BATCH = 64
@@ -80,8 +83,8 @@ def evaluate_method(
 ) -> Outcome:
     """Describe both sides, look every query up, and count at each revisit radius (metres).
 
-    ``train`` names what a learned method was trained on. Raises DeepringError where a radius
-    leaves no query with an answer.
+    ``train`` names what a learned method was trained on. A radius at which no query has an
+    answer is left out with a warning; the first, the headline, raises DeepringError then.
     """
     for what, side in (("database", task.database), ("query", task.query)):
         if not len(side):
@@ -91,17 +94,19 @@ def evaluate_method(
             )
     if not radii:
         raise DeepringError("evaluation.radii: empty, expected at least one radius in metres")
-    database = describe_all(method, task.database.rasters)
-    query = describe_all(method, task.query.rasters)
-
     counts = {radius: _metrics(radius) for radius in radii}
     curve = PlacePrecisionRecall(radii[0])
     everything = [curve, *(metric for group in counts.values() for metric in group.values())]
-    retrieved, seconds_per_query = _retrieve(method, query, database, task, everything)
+    retrieved, seconds_per_query = _retrieve(method, task, everything)
 
     per_scan = seconds_per_scan(method, task.query.scans)
-    rows = [
-        Result(
+    rows = []
+    for radius, group in counts.items():
+        answerable = int((retrieved.nearest <= radius).sum())
+        if not answerable and radius != radii[0]:
+            log.warning("%s: no query has a place within %g m; left out", task.test, radius)
+            continue
+        row = Result(
             method=name,
             train=train,
             test=task.test,
@@ -109,13 +114,12 @@ def evaluate_method(
             radius_m=float(radius),
             database=len(task.database),
             queries=len(task.query),
-            answerable=int((retrieved.nearest <= radius).sum()),
+            answerable=answerable,
             seconds_per_scan=per_scan,
             seconds_per_query=seconds_per_query,
             **{label: float(metric.compute()) for label, metric in group.items()},
         )
-        for radius, group in counts.items()
-    ]
+        rows.append(row)
     return Outcome(name, rows, curve.compute(), retrieved)
 
 
@@ -128,17 +132,20 @@ def _metrics(radius: float) -> dict[str, Metric]:
     }
 
 
-def _retrieve(
-    method: Method, query: Tensor, database: Tensor, task: Task, metrics: Sequence[Metric]
-) -> tuple[Retrieved, float]:
-    """The best place a query, and seconds a query; metrics see each batch of scores."""
+def _retrieve(method: Method, task: Task, metrics: Sequence[Metric]) -> tuple[Retrieved, float]:
+    """The best place a query, and seconds to look one up; metrics see each batch of scores.
+
+    Descriptors of the whole database are held in memory, those of one batch of queries.
+    """
+    database = describe_all(method, task.database.rasters)
     columns: list[tuple[Tensor, ...]] = []
     turns: list[Tensor] = []
     seconds = 0.0
-    for start in range(0, len(query), BATCH):
+    for start in range(0, len(task.query), BATCH):
         rows = slice(start, start + BATCH)
+        query = method.describe(task.query.rasters[rows])
         started = time.perf_counter()
-        score, yaw = method.compare(query[rows], database)
+        score, yaw = method.compare(query, database)
         score = score.cpu()  # waits for the device
         best = score.argmax(dim=1, keepdim=True)
         seconds += time.perf_counter() - started
@@ -154,7 +161,7 @@ def _retrieve(
         torch.cat(column).squeeze(1).numpy() for column in zip(*columns, strict=True)
     )
     yaws = torch.cat(turns).squeeze(1).numpy() if turns else None
-    return Retrieved(place, top, yaws, distance, nearest), seconds / len(query)
+    return Retrieved(place, top, yaws, distance, nearest), seconds / len(task.query)
 
 
 def seconds_per_scan(method: Method, scans: ScanSet, count: int = 32) -> float:

@@ -33,7 +33,7 @@ class ScanContext:
         d_columns, d_filled = _unit_columns(database)
         cosines = correlation_curves(q_columns, d_columns)
         shared = correlation_curves(q_filled, d_filled).round()
-        mean = torch.where(shared > 0, cosines / shared.clamp_min(1.0), torch.zeros(()))
+        mean = torch.where(shared > 0, cosines / shared.clamp_min(1.0), 0.0)
         score, shift = mean.max(dim=-1)
         if self.candidates is not None and self.candidates < len(database):
             keep = _nearest_ring_keys(queries, database, self.candidates)

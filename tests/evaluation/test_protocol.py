@@ -1,0 +1,190 @@
+"""The protocol on a toy method whose answers are known: counts, recall, places, errors."""
+
+import numpy as np
+import pytest
+import torch
+
+from deepring.core.rasters import BevRaster
+from deepring.data.cache import Rasters, ScanSet, pack
+from deepring.data.scan import Session
+from deepring.errors import DeepringError
+from deepring.evaluation import protocol
+from deepring.evaluation.protocol import Side, Task, evaluate_method
+from deepring.evaluation.retrieval import describe_all
+from deepring.methods.base import Comparison, Method
+
+RASTER = BevRaster(cells=8)
+
+
+class Toy:
+    """A scan's image is a number in binary; equal numbers are the same place, near ones alike."""
+
+    raster = RASTER
+
+    def __init__(self, *, yaw=True):
+        self.yaw = yaw
+        self.described = []
+
+    def describe(self, rasters):
+        self.described.append(len(rasters))
+        return (rasters[..., 0, :].float() * 2.0 ** torch.arange(7, -1, -1)).sum(-1)
+
+    def compare(self, queries, database):
+        apart = queries[:, None] - database[None]
+        return Comparison(-apart.abs(), apart / 100 if self.yaw else None)
+
+
+def side(numbers, east):
+    """Scans at (east, 0) metres, away from the origin as UTM is."""
+    n = len(numbers)
+    poses = np.tile(np.eye(4), (n, 1, 1))
+    poses[:, 0, 3] = np.array(east, dtype=np.float64) + 345090.0
+    poses[:, 1, 3] = 4037591.0
+    cloud = np.random.default_rng(0).uniform(-40, 40, (200, 3)).astype(np.float32)
+    session = Session("s", (None,) * n, poses, poses[:, :2, 3].copy(), None, lambda _: cloud)
+    images = [np.unpackbits(np.array([k] + [0] * 7, dtype=np.uint8)) for k in numbers]
+    packed = [pack(image.reshape(8, 8).astype(bool), RASTER) for image in images]
+    data = np.stack(packed) if n else np.zeros((0, 8), np.uint8)
+    return Side(ScanSet(session, np.arange(n)), Rasters(data, RASTER))
+
+
+def task(numbers, east):
+    """Places 10, 20, 30, 40 at 0, 20, 40, 60 m."""
+    return Task("sim", "test", side([10, 20, 30, 40], [0, 20, 40, 60]), side(numbers, east))
+
+
+#: Queries: two right, one right at 12 m only, one wrong, one near no place at all.
+FIVE = ([10, 21, 30, 39, 41], [1, 22, 52, 3, 500])
+
+
+def test_the_toy_is_a_method():
+    assert isinstance(Toy(), Method)
+
+
+def test_best_places_scores_turns_and_distances():
+    retrieved = evaluate_method("toy", Toy(), task(*FIVE)).retrieved
+    assert retrieved.place.tolist() == [0, 1, 2, 3, 3]
+    assert retrieved.score.tolist() == [0, -1, 0, -1, -1]
+    assert retrieved.yaw.tolist() == pytest.approx([0, 0.01, 0, -0.01, 0.01])
+    assert retrieved.distance.tolist() == [1, 2, 12, 57, 440]
+    assert retrieved.nearest.tolist() == [1, 2, 8, 3, 440]
+
+
+def test_counts_and_recall_at_each_radius():
+    outcome = evaluate_method("toy", Toy(), task(*FIVE), radii=(10.0, 5.0, 12.0), train="city")
+    by_radius = {row.radius_m: row for row in outcome.results}
+    assert list(by_radius) == [10.0, 5.0, 12.0]
+    for row in outcome.results:
+        assert (row.method, row.train, row.test, row.region) == ("toy", "city", "sim", "test")
+        assert (row.database, row.queries) == (4, 5)
+        assert row.recall_5 == 1.0  # of four places each is among the first five
+    # The query at 500 m counts for no recall; the one at 52 m has a place within 10 m, at 60 m.
+    assert [by_radius[r].answerable for r in (5.0, 10.0, 12.0)] == [3, 4, 4]
+    assert by_radius[5.0].recall_1 == pytest.approx(2 / 3)
+    assert by_radius[10.0].recall_1 == pytest.approx(2 / 4)
+    assert by_radius[12.0].recall_1 == pytest.approx(3 / 4)
+
+
+def test_a_perfect_method_scores_one_everywhere():
+    outcome = evaluate_method("toy", Toy(), task([10, 30, 40], [1, 41, 62]), radii=(5.0,))
+    (row,) = outcome.results
+    assert (row.recall_1, row.recall_5, row.f1_max, row.auc) == (1, 1, 1, 1)
+
+
+def test_the_curve_is_that_of_the_first_radius():
+    precision, recall, thresholds = evaluate_method(
+        "toy", Toy(), task(*FIVE), radii=(12.0, 5.0)
+    ).curve
+    assert thresholds.tolist() == [0, -1]
+    assert precision.tolist() == pytest.approx([2 / 2, 3 / 5])
+    # One answerable query is accepted with a wrong place: that costs precision, not recall.
+    assert recall.tolist() == pytest.approx([2 / 4, 1.0])
+    other = evaluate_method("toy", Toy(), task(*FIVE), radii=(5.0, 12.0)).curve
+    assert other[0].tolist() != precision.tolist()
+
+
+def without_seconds(row):
+    values = vars(row).copy()
+    return {k: v for k, v in values.items() if not k.startswith("seconds")}
+
+
+@pytest.mark.parametrize("batch", [1, 3, 7, 8, 100])
+def test_results_do_not_depend_on_the_batch(batch, monkeypatch):
+    rng = np.random.default_rng(1)
+    numbers, east = rng.integers(0, 256, 8), rng.uniform(0, 60, 8)
+    expected = evaluate_method("toy", Toy(), task(numbers, east))
+    monkeypatch.setattr(protocol, "BATCH", batch)
+    outcome = evaluate_method("toy", Toy(), task(numbers, east))
+    assert list(map(without_seconds, outcome.results)) == list(
+        map(without_seconds, expected.results)
+    )
+    for name, values in vars(expected.retrieved).items():
+        assert np.array_equal(getattr(outcome.retrieved, name), values), name
+    for ours, theirs in zip(outcome.curve, expected.curve, strict=True):
+        assert torch.equal(ours, theirs)
+
+
+def test_a_method_without_yaw_has_none():
+    assert evaluate_method("toy", Toy(yaw=False), task(*FIVE)).retrieved.yaw is None
+
+
+def test_of_equal_scores_the_first_place_is_taken():
+    retrieved = evaluate_method("toy", Toy(), task([25], [21]), radii=(5.0,)).retrieved
+    assert retrieved.place.tolist() == [1]  # 20 and 30 are equally far from 25
+
+
+def test_distances_to_utm_positions_are_exact():
+    retrieved = evaluate_method("toy", Toy(), task([20], [20.03]), radii=(5.0,)).retrieved
+    assert retrieved.distance.tolist() == pytest.approx([0.03], abs=1e-6)
+
+
+def test_seconds_are_positive():
+    for row in evaluate_method("toy", Toy(), task(*FIVE)).results:
+        assert row.seconds_per_scan > 0
+        assert row.seconds_per_query > 0
+
+
+def test_a_scan_is_timed_from_its_points_one_at_a_time():
+    method = Toy()
+    timed = protocol.seconds_per_scan(method, task(*FIVE).query.scans, count=3)
+    assert timed > 0
+    assert method.described == [1, 1, 1]
+
+
+def test_the_default_headline_is_ten_metres_beside_the_others():
+    rows = evaluate_method("toy", Toy(), task(*FIVE)).results
+    assert [row.radius_m for row in rows] == [10, 5, 15, 20, 25]
+
+
+@pytest.mark.parametrize("empty", ["database", "query"])
+def test_an_empty_side_is_named(empty):
+    full, nothing = side([10], [0]), side([], [])
+    sides = {"database": full, "query": full, empty: nothing}
+    with pytest.raises(DeepringError, match=rf"region test: the {empty} holds 0 scans"):
+        evaluate_method("toy", Toy(), Task("sim", "test", **sides))
+
+
+def test_no_answerable_query_is_an_error():
+    with pytest.raises(DeepringError, match=r"radius 10 m: 0 of 2 queries"):
+        evaluate_method("toy", Toy(), task([10, 20], [300, 400]))
+
+
+def test_a_further_radius_without_an_answer_is_left_out_and_named(caplog):
+    outcome = evaluate_method("toy", Toy(), task([10], [1]), radii=(10.0, 0.5))
+    assert [row.radius_m for row in outcome.results] == [10.0]
+    assert "within 0.5 m" in caplog.text
+    with pytest.raises(DeepringError, match=r"radius 0\.5 m: 0 of 1"):  # but not the headline
+        evaluate_method("toy", Toy(), task([10], [1]), radii=(0.5, 10.0))
+
+
+def test_no_radius_is_an_error():
+    with pytest.raises(DeepringError, match=r"evaluation\.radii"):
+        evaluate_method("toy", Toy(), task(*FIVE), radii=())
+
+
+@pytest.mark.parametrize("batch", [1, 2, 5, 6])
+def test_descriptions_come_in_order_and_in_batches(batch):
+    method, images = Toy(), side([5, 3, 9, 200, 0], [0] * 5).rasters
+    assert describe_all(method, images, batch).tolist() == [5, 3, 9, 200, 0]
+    assert max(method.described) <= batch
+    assert sum(method.described) == 5

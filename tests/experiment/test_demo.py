@@ -1,0 +1,19 @@
+"""The demo's claim, as the README prints it."""
+
+import pytest
+
+from deepring.experiment.train import train
+from deepring.simulation.settings import nclt
+from deepring.simulation.simulate import simulate
+
+
+@pytest.mark.slow
+def test_deepring_leads_ring_and_ring_leads_scan_context(composed, tmp_path):
+    root = simulate(nclt(seed=0), tmp_path / "nclt", workers=2)
+    trained = train(composed("experiment=demo", f"data.root={root}"), tmp_path / "run")
+    recall = {row.method: row.recall_1 for row in trained.results if row.radius_m == 10}
+    print(recall)
+    assert recall["DeepRING"] >= recall["RING"] + 0.10
+    assert recall["RING"] >= recall["Scan Context 20x60"] + 0.10
+    assert recall["RING"] >= recall["Scan Context 120x120"] + 0.10
+    assert 0.60 <= recall["RING"] <= 0.75
