@@ -138,3 +138,13 @@ def test_simulate_resumes_and_never_overwrites(tmp_path):
     refused(deepring(*command, "--seed", 7, cwd=tmp_path), "world")
     refused(deepring(*command, "blok=3", cwd=tmp_path), "blok", "block")
     refused(deepring(*command, "rows=two", cwd=tmp_path), "rows", "two")
+
+
+def test_two_processes_train_one_network(tiny_nclt, tmp_path):
+    options = [*SMALL, "trainer.accelerator=cpu", "trainer.devices=2", "trainer.strategy=ddp"]
+    done = deepring("train", "experiment=demo", f"data.root={tiny_nclt}", *options, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    runs = [p for p in (tmp_path / "outputs" / "demo").iterdir() if not p.is_symlink()]
+    assert len(runs) == 1
+    assert {"results.csv", "config.yaml"} <= {p.name for p in runs[0].iterdir()}
+    assert done.stdout.count("results      ") == 1

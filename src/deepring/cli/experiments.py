@@ -18,7 +18,7 @@ from deepring.experiment.config import (
     counted_over,
     register_schema,
 )
-from deepring.experiment.run_folder import open_run_folder
+from deepring.experiment.run_folder import is_first_process, open_run_folder
 
 
 def config_folder() -> Path:
@@ -50,7 +50,8 @@ def evaluate_command(arguments: Sequence[str]) -> None:
 
 
 def _run_hydra(name: str, task: Callable[[DictConfig], None], arguments: Sequence[str]) -> None:
-    sys.argv = [f"deepring {name}", *arguments]
+    # DDP starts its further processes as `python argv[0] argv[1:]`.
+    sys.argv = [str(Path(__file__).with_name("train.py")), *arguments]
     # Lightning calls what torch has renamed; not the user's concern.
     warnings.filterwarnings("ignore", message=".*LeafSpec.*")
     register_schema()
@@ -66,8 +67,9 @@ def _train(composed: DictConfig) -> None:
     trained = train(cfg, run_folder(cfg))
     if trained.results:
         show(cfg, trained.results)
-    console.print(f"checkpoint   {trained.checkpoint}")
-    show_folder(trained.folder)
+    if is_first_process():
+        console.print(f"checkpoint   {trained.checkpoint}")
+        show_folder(trained.folder)
 
 
 @mistakes_reported

@@ -4,6 +4,7 @@ import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -20,6 +21,9 @@ from deepring.evaluation.retrieval import describe_all
 from deepring.methods.base import Method
 
 log = logging.getLogger(__name__)
+
+#: An evaluation sees all queries in one process, also after a distributed training.
+ALONE: dict[str, Any] = {"sync_on_compute": False}
 
 #: Queries compared at a time.
 BATCH = 64
@@ -95,7 +99,7 @@ def evaluate_method(
     if not radii:
         raise DeepringError("evaluation.radii: empty, expected at least one radius in metres")
     counts = {radius: _metrics(radius) for radius in radii}
-    curve = PlacePrecisionRecall(radii[0])
+    curve = PlacePrecisionRecall(radii[0], **ALONE)
     everything = [curve, *(metric for group in counts.values() for metric in group.values())]
     retrieved, seconds_per_query = _retrieve(method, task, everything)
 
@@ -125,10 +129,10 @@ def evaluate_method(
 
 def _metrics(radius: float) -> dict[str, Metric]:
     return {
-        "recall_1": RecallAtK(1, radius),
-        "recall_5": RecallAtK(5, radius),
-        "f1_max": MaxF1(radius),
-        "auc": PlaceAUC(radius),
+        "recall_1": RecallAtK(1, radius, **ALONE),
+        "recall_5": RecallAtK(5, radius, **ALONE),
+        "f1_max": MaxF1(radius, **ALONE),
+        "auc": PlaceAUC(radius, **ALONE),
     }
 
 

@@ -9,6 +9,7 @@ import time
 from importlib import metadata
 from pathlib import Path
 
+from lightning.pytorch.utilities import rank_zero_only
 from omegaconf import OmegaConf
 
 from deepring.experiment.config import Config
@@ -22,6 +23,11 @@ def open_run_folder(cfg: Config, folder: Path) -> None:
     (folder / "config.yaml").write_text(OmegaConf.to_yaml(cfg, resolve=True))
     (folder / "versions.json").write_text(json.dumps(versions(cfg.seed), indent=2) + "\n")
     link_latest(folder)
+
+
+def is_first_process() -> bool:
+    """Whether this is the process of a distributed run that writes; alone, it is."""
+    return getattr(rank_zero_only, "rank", 0) in (None, 0)
 
 
 def versions(seed: int) -> dict[str, object]:

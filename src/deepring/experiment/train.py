@@ -11,7 +11,7 @@ from deepring.evaluation.results import Result
 from deepring.experiment import build
 from deepring.experiment.config import Config
 from deepring.experiment.evaluate import evaluate
-from deepring.experiment.run_folder import open_run_folder
+from deepring.experiment.run_folder import is_first_process, open_run_folder
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +38,8 @@ def train(cfg: Config, folder: Path) -> Trained:
     settings = build.deepring_settings(cfg)
     datamodule = build.datamodule(cfg, datasets, settings)
     module = build.module(cfg, datasets, settings)
-    open_run_folder(cfg, folder)
+    if is_first_process():
+        open_run_folder(cfg, folder)
     trainer = build.trainer(cfg, folder, validated=bool(module.validation))
 
     log.info(
