@@ -2,11 +2,14 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
+import torch
 
 SMALL = [
     "episode.ways=2",
@@ -148,3 +151,25 @@ def test_two_processes_train_one_network(tiny_nclt, tmp_path):
     assert len(runs) == 1
     assert {"results.csv", "config.yaml"} <= {p.name for p in runs[0].iterdir()}
     assert done.stdout.count("results      ") == 1
+
+
+def test_an_interrupted_training_says_how_to_go_on_and_does(tiny_nclt, tmp_path):
+    options = ["experiment=demo", f"data.root={tiny_nclt}", *SMALL, "evaluation.figures=false"]
+    command = [Path(sys.executable).with_name("deepring"), "train", *options]
+    long = [*map(str, command), "trainer.max_epochs=5000"]
+    with subprocess.Popen(long, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as running:
+        checkpoint = tmp_path / "outputs" / "demo" / "latest" / "checkpoints" / "last.ckpt"
+        for _ in range(600):
+            if checkpoint.is_file() or running.poll() is not None:
+                break
+            time.sleep(0.1)
+        running.send_signal(signal.SIGINT)
+        _, errors = running.communicate(timeout=60)
+    assert running.returncode == 2, errors
+    assert "Traceback" not in errors
+    assert "resume=outputs/demo/" in errors
+    epoch = torch.load(checkpoint, weights_only=True)["epoch"]
+    resume = f"resume={checkpoint.relative_to(tmp_path)}"
+    further = deepring("train", *options, resume, f"trainer.max_epochs={epoch + 2}", cwd=tmp_path)
+    assert further.returncode == 0, further.stderr
+    assert (tmp_path / "outputs" / "demo" / "latest" / "results.csv").is_file()

@@ -15,7 +15,8 @@ R = TypeVar("R")
 #: Exit status of a user's mistake, as argparse and Hydra-less tools have it.
 MISTAKE = 2
 
-console = Console(highlight=False, soft_wrap=True)
+#: Where output goes to a file or a pipe it is wide enough for every table.
+console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 110)
 
 
 def mistakes_reported(command: Callable[P, R]) -> Callable[P, R]:

@@ -47,11 +47,10 @@ def train(cfg: Config, folder: Path) -> Trained:
         sum(p.numel() for p in module.method.parameters()),
         " + ".join(dataset.name for dataset in datasets),
     )
-    trainer.fit(module, datamodule=datamodule, ckpt_path=resume, weights_only=True)
-    if trainer.interrupted:
-        raise DeepringError(
-            f"training was interrupted; go on with resume={folder}/checkpoints/last.ckpt"
-        )
+    try:
+        trainer.fit(module, datamodule=datamodule, ckpt_path=resume, weights_only=True)
+    except SystemExit:  # how Lightning ends on Ctrl-C
+        raise DeepringError(_interrupted(folder)) from None
 
     checkpoint = _best_checkpoint(trainer, folder)
     results = []
@@ -66,11 +65,19 @@ def _checkpoint_to_resume(cfg: Config) -> str | None:
     return cfg.resume
 
 
+def _interrupted(folder: Path) -> str:
+    last = folder / "checkpoints" / "last.ckpt"
+    if not last.is_file():
+        return f"training was interrupted before its first checkpoint; {folder} holds no weights"
+    return f"training was interrupted; go on with the same command and resume={last}"
+
+
 def _best_checkpoint(trainer: L.Trainer, folder: Path) -> Path:
     """The checkpoint chosen by validation; saved now where no callback saved one."""
     saved = getattr(trainer.checkpoint_callback, "best_model_path", "")
     if saved:
-        return Path(saved)
+        path = Path(saved)
+        return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
     path = folder / "checkpoints" / "last.ckpt"
     trainer.save_checkpoint(path)
     return path
