@@ -93,8 +93,12 @@ def test_train_then_evaluate_its_checkpoint_then_resume(tiny_nclt, tmp_path):
         ),
         (["data.root={tiny}", "data.regions.test=[{{disc: {{center: [9e4]}}}}]"], ["is no shape"]),
         (["data.root={tiny}", "evaluation.region=moon"], ["evaluation.region", "moon"]),
-        (["data.root={tiny}", "evaluation.radii=[-1]"], ["radius"]),
-        (["data.root={tiny}", "evaluation.radii=[]"], ["evaluation.radii"]),
+        (["data.root={tiny}", "evaluation.radii=[-1]"], ["evaluation.radii"]),
+        (["data.root={tiny}", "+methods.ring.foo=1"], ["methods.ring", "foo"]),
+        (["data.root={tiny}", "methods.ring.raster.cells=abc"], ["raster.cells", "abc"]),
+        (["data.root={tiny}", "methods.ring.raster.extent=100"], ["preprocessing.extent"]),
+        (["data.root={tiny}", "seed=-1"], ["seed"]),
+        (["data.root={tiny}", "paths.outputs=/dev/null/x"], ["/dev/null/x"]),
     ],
 )
 def test_mistakes_of_evaluate_are_one_error_each(arguments, words, tiny_nclt, tmp_path):
@@ -122,7 +126,7 @@ def test_a_few_broken_scans_are_left_out_and_counted(tiny_nclt, tmp_path):
     scans[-1].write_bytes(b"")
     scans[-2].write_bytes(scans[-2].read_bytes()[:1001])
     report = deepring("data", "check", damaged, cwd=tmp_path)
-    assert report.returncode == 0
+    assert report.returncode == 1
     assert scans[-1].name in report.stdout
     done = deepring("evaluate", f"data.root={damaged}", "evaluation.figures=false", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -159,7 +159,8 @@ def changed_values(value):
 
 def changed_rasters():
     for kind, cls in RASTERS.items():
-        base = cls()
+        # Cropped wider than it reaches, so that its reach may change alone.
+        base = cls(preprocessing=Preprocessing(extent=90.0))
         for field in fields(base):
             for k, value in enumerate(changed_values(getattr(base, field.name))):
                 yield pytest.param(

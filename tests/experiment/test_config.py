@@ -5,6 +5,7 @@ from hydra.errors import ConfigCompositionException
 
 from deepring.errors import DeepringError
 from deepring.experiment import build
+from deepring.experiment.evaluate import plan_evaluation
 
 ROOT = "data.root=/nowhere"
 
@@ -55,6 +56,8 @@ def test_a_missing_value_names_its_key(composed):
         ("similarity.normalisation=max", r"similarity\.normalisation"),
         ("aggregation.kind=sum", r"aggregation\.kind"),
         ("representation.pool=7", r"representation\.pool"),
+        ("representation.angles=null", r"representation\.angles"),
+        ("preprocessing.extent=50", r"preprocessing\.extent"),
         ("+optimizer.momentum=1", "optimizer"),
     ],
 )
@@ -89,4 +92,4 @@ def test_no_method_at_all_is_refused(composed):
         ROOT, *(f"methods.{m}=null" for m in ("ring", "scan_context", "scan_context_120"))
     )
     with pytest.raises(DeepringError, match="nothing to evaluate"):
-        build.methods(cfg, None)
+        plan_evaluation(cfg)

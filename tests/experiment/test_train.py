@@ -1,6 +1,7 @@
 """Train and evaluate from the real configs: every experiment file, and a whole small run."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from deepring.cli.experiments import config_folder
 from deepring.errors import DeepringError
 from deepring.evaluation.results import COLUMNS, read_results
-from deepring.experiment.evaluate import evaluate
+from deepring.experiment.evaluate import evaluate, plan_evaluation
 from deepring.experiment.train import train
 from deepring.training.module import load_deepring
 
@@ -130,7 +131,7 @@ def test_tensorboard_holds_scalars_figures_curves_and_hyperparameters(small_run)
 
 def test_evaluating_the_checkpoint_again_gives_the_same_figures(small_run, tmp_path):
     cfg, trained = small_run
-    again = evaluate(cfg, tmp_path / "again", trained.checkpoint)
+    again = evaluate(cfg, tmp_path / "again", plan_evaluation(cfg, trained.checkpoint))
     for a, b in zip(trained.results, again, strict=True):
         assert (a.method, a.radius_m, a.recall_1, a.auc) == (
             b.method,
@@ -144,7 +145,7 @@ def test_evaluating_the_checkpoint_again_gives_the_same_figures(small_run, tmp_p
 def test_how_good_at_25_m_over_all_queries_needs_no_code(composed, tiny_nclt, tmp_path):
     choice = ("evaluation.radii=[25]", "evaluation.over=all", "evaluation.figures=false")
     cfg = composed(f"data.root={tiny_nclt}", *choice, name="evaluate")
-    results = evaluate(cfg, tmp_path / "run")
+    results = evaluate(cfg, tmp_path / "run", plan_evaluation(cfg))
     assert [r.radius_m for r in results] == [25, 25, 25]
     assert "all queries" in (tmp_path / "run" / "results.md").read_text()
 
@@ -160,3 +161,76 @@ def test_resume_from_nothing_is_refused_before_anything_is_written(composed, tin
     with pytest.raises(DeepringError, match="resume"):
         train(cfg, tmp_path / "run")
     assert not Path(tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("override", "complaint"),
+    [
+        ("data.regions.test=[{disc: {center: [9e3, 9e3], radius: 5}}]", r"data\.regions\.test"),
+        ("+methods.ring.foo=1", r"methods\.ring"),
+        ("trainer.precision=bf16-true", r"trainer\.precision"),
+    ],
+)
+def test_what_would_fail_after_training_fails_before(
+    override, complaint, composed, tiny_nclt, tmp_path
+):
+    with pytest.raises(DeepringError, match=complaint):
+        train(composed(f"data.root={tiny_nclt}", *SMALL, override), tmp_path / "run")
+    assert not (tmp_path / "run" / "checkpoints").exists()
+
+
+def test_training_on_what_is_tested_is_refused(composed, tiny_nclt, tmp_path, caplog):
+    regions = ["data.regions.train=null", "data.regions.test=null"]
+    cfg = composed(f"data.root={tiny_nclt}", "debug=fast", *SMALL, *regions)
+    with pytest.raises(DeepringError, match="allow_overlap"):
+        train(cfg, tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_two_training_sets_of_one_name_are_refused(composed, tiny_nclt, tmp_path):
+    twice = [f"+data@train_data.{k}=sim_nclt" for k in "ab"]
+    roots = [f"train_data.{k}.root={tiny_nclt}" for k in "ab"]
+    with pytest.raises(DeepringError, match="do not differ in name"):
+        train(composed(f"data.root={tiny_nclt}", *twice, *roots), tmp_path / "run")
+
+
+def test_resuming_another_network_is_refused_and_changes_nothing(small_run, composed, tiny_nclt):
+    folder = small_run[1].folder
+    before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    checkpoint = folder / "checkpoints" / "last.ckpt"
+    cfg = composed(
+        "experiment=demo",
+        f"data.root={tiny_nclt}",
+        *SMALL,
+        "encoder.widths=[4,8]",
+        f"resume={checkpoint}",
+    )
+    with pytest.raises(DeepringError, match=r"resume: .* other widths"):
+        train(cfg, folder)
+    assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
+
+
+def test_an_evaluation_records_the_checkpoints_model(small_run, composed, tiny_nclt, caplog):
+    options = [f"data.root={tiny_nclt}", "preprocessing=band"]
+    cfg = composed(*options, name="evaluate")
+    plan = plan_evaluation(cfg, small_run[1].checkpoint)
+    assert list(cfg.encoder.widths) == [8, 16, 32]
+    assert cfg.representation.pool == 2
+    assert plan.network.raster.preprocessing.clearance == 0.5  # not the config's band
+    assert "keeps that of its checkpoint" in caplog.text
+
+
+@pytest.mark.parametrize("which", [0, 0.5, 1])
+def test_a_query_that_cannot_be_decoded_is_left_out_everywhere(
+    which, composed, tiny_kitti, tmp_path, caplog
+):
+    damaged = tmp_path / "damaged"
+    shutil.copytree(tiny_kitti, damaged)
+    cfg = composed("data=kitti", f"data.root={damaged}", "evaluation.region=whole", name="evaluate")
+    query = plan_evaluation(cfg).split.query
+    scan = query.session.files[query.indices[int(which * (len(query) - 1))]]
+    scan.write_bytes(bytes(1600))  # a hundred records without one valid point
+    results = evaluate(cfg, tmp_path / "run", plan_evaluation(cfg))
+    assert results[0].queries == len(query) - 1
+    assert scan.name in caplog.text
+    assert len(list((tmp_path / "run" / "figures").glob("sinogram*.png"))) == 3

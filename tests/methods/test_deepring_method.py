@@ -24,10 +24,13 @@ CELLS = 32
 
 
 def small(**changes):
+    """Settings of a small network; angles and bins where the raster is a BEV."""
+    raster = changes.get("raster", raster_settings(BevRaster(cells=CELLS)))
+    bev = raster.get("kind") == "bev"
     values = {
-        "raster": raster_settings(BevRaster(cells=CELLS)),
-        "angles": 64,
-        "bins": 32,
+        "raster": raster,
+        "angles": 64 if bev else None,
+        "bins": 32 if bev else None,
         "widths": (4, 6),
         "convolutions": 1,
     }

@@ -58,7 +58,7 @@ def test_pooling_averages_rows_and_bins():
 @pytest.mark.parametrize("pool", [2, 3])
 def test_pooling_keeps_the_rolls_that_it_divides(pool):
     x = torch.rand(2, 12, 6, generator=torch.Generator().manual_seed(1))
-    image = PolarImage(12, pool)
+    image = PolarImage(12, 6, pool)
     assert_theta_equivariant(image, x, 2 * pool, 2)
     with pytest.raises(EquivarianceError):
         assert_theta_equivariant(image, x, 1, 1)
@@ -75,11 +75,11 @@ def test_values_are_shares_of_half_a_line_through_the_centre():
 @pytest.mark.parametrize("pool", [1, 2])
 def test_polar_images_are_floats_with_the_rows_of_the_raster(pool):
     raster = torch.randint(0, 2, (3, 12, 8), dtype=torch.uint8)
-    out = PolarImage(12, pool)(raster)
+    out = PolarImage(12, 8, pool)(raster)
     assert out.shape == (3, 1, 12 // pool, 8 // pool)
     assert out.dtype == torch.float32
     assert out.mean().item() == pytest.approx(raster.float().mean().item())
-    half = PolarImage(12)(raster.to(torch.float16))
+    half = PolarImage(12, 8)(raster.to(torch.float16))
     assert half.dtype == torch.float32
 
 
@@ -92,7 +92,8 @@ def test_polar_images_are_floats_with_the_rows_of_the_raster(pool):
     ],
 )
 def test_each_raster_gets_its_representation(raster, kind, rows):
-    representation = make_representation(raster, angles=48, bins=40)
+    own = {"angles": 48, "bins": 40} if kind is Sinogram else {"angles": None, "bins": None}
+    representation = make_representation(raster, **own)
     assert isinstance(representation, kind)
     points = np.random.default_rng(0).uniform(-40, 40, (3000, 3)).astype(np.float32)
     image = raster(points, 0.0)
@@ -112,8 +113,11 @@ def test_each_raster_gets_its_representation(raster, kind, rows):
         ("pool", lambda: Sinogram(120, 120, 0)),
         ("angles", lambda: Sinogram(7, 120)),
         ("angles", lambda: Sinogram(0, 120)),
-        ("pool", lambda: PolarImage(120, 7)),
-        ("pool", lambda: PolarImage(120, 0)),
+        ("pool", lambda: PolarImage(120, 120, 7)),
+        ("pool", lambda: PolarImage(120, 120, 0)),
+        ("pool", lambda: PolarImage(120, 31, 2)),
+        ("angles", lambda: make_representation(PolarRaster(), angles=60, bins=None)),
+        ("angles", lambda: make_representation(BevRaster(), angles=None)),
         ("ContextRaster", lambda: make_representation(ContextRaster())),
     ],
 )

@@ -11,7 +11,7 @@ from deepring.progress import progress_bar
 
 
 def data_command(arguments: Sequence[str]) -> None:
-    """``deepring data check ROOT``; exits with 1 where something is unusable."""
+    """``deepring data check ROOT``; exits with 1 where a session or a scan file is unusable."""
     parser = argparse.ArgumentParser("deepring data")
     commands = parser.add_subparsers(dest="command", required=True)
     checker = commands.add_parser("check", help="read every scan of a dataset and report")
@@ -28,5 +28,5 @@ def data_command(arguments: Sequence[str]) -> None:
             lambda _, done, total: advance(done, total),
         )
     print("\n".join(report_lines(reports)))
-    if not all(report.usable for report in reports):
+    if not all(report.usable and not report.broken for report in reports):
         sys.exit(1)

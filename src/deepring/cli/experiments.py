@@ -1,6 +1,7 @@
 """`deepring train` and `deepring evaluate`: Hydra composes, one function runs, a table tells."""
 
 import logging
+import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -9,7 +10,7 @@ from pathlib import Path
 import hydra
 from omegaconf import DictConfig
 
-from deepring.cli.report import console, mistakes_reported
+from deepring.cli.report import console
 from deepring.evaluation.results import Result
 from deepring.evaluation.tables import render, render_radii
 from deepring.experiment.config import (
@@ -54,16 +55,17 @@ def _run_hydra(name: str, task: Callable[[DictConfig], None], arguments: Sequenc
     sys.argv = [str(Path(__file__).with_name("train.py")), *arguments]
     # Lightning calls what torch has renamed; not the user's concern.
     warnings.filterwarnings("ignore", message=".*LeafSpec.*")
+    # Hydra then passes its errors on, and `main` prints them as it prints ours.
+    os.environ.setdefault("HYDRA_FULL_ERROR", "1")
     register_schema()
     hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=name)(task)()
 
 
-@mistakes_reported
 def _train(composed: DictConfig) -> None:
+    cfg = check_config(composed)
     from deepring.experiment.train import train
 
     _keep_lightning_quiet()
-    cfg = check_config(composed)
     trained = train(cfg, run_folder(cfg))
     if trained.results:
         show(cfg, trained.results)
@@ -72,15 +74,14 @@ def _train(composed: DictConfig) -> None:
         show_folder(trained.folder)
 
 
-@mistakes_reported
 def _evaluate(composed: DictConfig) -> None:
-    from deepring.experiment.evaluate import evaluate
+    from deepring.experiment.evaluate import evaluate, plan_evaluation
 
     cfg = check_config(composed)
     folder = run_folder(cfg)
+    plan = plan_evaluation(cfg, None if cfg.checkpoint is None else Path(cfg.checkpoint))
     open_run_folder(cfg, folder)
-    checkpoint = None if cfg.checkpoint is None else Path(cfg.checkpoint)
-    show(cfg, evaluate(cfg, folder, checkpoint))
+    show(cfg, evaluate(cfg, folder, plan))
     show_folder(folder)
 
 

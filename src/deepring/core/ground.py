@@ -34,6 +34,10 @@ class Preprocessing:
             )
         if self.window < 1 or self.window % 2 == 0:
             raise DeepringError(f"preprocessing.window: {self.window}, expected an odd number")
+        if self.clearance is not None and self.clearance < 0:
+            raise DeepringError(
+                f"preprocessing.clearance: {self.clearance}, expected metres, at least 0, or null"
+            )
         for name in ("cell", "extent"):
             if getattr(self, name) <= 0:
                 raise DeepringError(

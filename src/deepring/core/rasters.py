@@ -4,6 +4,7 @@ A raster is a frozen dataclass of plain values: it names everything that made an
 is the cache's key and travels in a checkpoint.
 """
 
+import math
 from dataclasses import asdict, dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
@@ -15,6 +16,27 @@ from deepring.core.ground import Preprocessing
 from deepring.core.polar import polar_gram, scan_context
 from deepring.core.range_image import range_image
 from deepring.errors import DeepringError
+
+
+def check_fields(raster: Any, counts: tuple[str, ...], lengths: tuple[str, ...]) -> None:
+    """Raise DeepringError where a count is no positive whole number or a length not positive."""
+    for name in counts + lengths:
+        value = getattr(raster, name)
+        whole = isinstance(value, int) and not isinstance(value, bool)
+        number = whole or (name in lengths and isinstance(value, float))
+        if not number or not 0 < value < math.inf:
+            kind = "a whole number" if name in counts else "a length in metres"
+            raise DeepringError(f"raster.{name}: {value!r}, expected {kind} above 0")
+
+
+def check_crop(raster: Any, reach: float) -> None:
+    """Raise DeepringError where the preprocessing cuts off what the raster would show."""
+    extent = raster.preprocessing.extent
+    if extent < reach:
+        raise DeepringError(
+            f"preprocessing.extent: {extent:g} m, but the {type(raster).__name__} reaches to "
+            f"{reach:g} m; expected at least that"
+        )
 
 
 @runtime_checkable
@@ -44,6 +66,10 @@ class BevRaster:
     extent: float = 70.0
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
 
+    def __post_init__(self) -> None:
+        check_fields(self, ("cells",), ("extent",))
+        check_crop(self, self.extent)
+
     @property
     def shape(self) -> tuple[int, int]:
         """(x, y)."""
@@ -67,6 +93,10 @@ class PolarRaster:
     rings: int = 120
     radius: float = 70.0
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
+
+    def __post_init__(self) -> None:
+        check_fields(self, ("sectors", "rings"), ("radius",))
+        check_crop(self, self.radius)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -96,7 +126,13 @@ class RangeRaster:
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
 
     def __post_init__(self) -> None:
+        check_fields(self, ("sectors", "rows"), ("max_range",))
         object.__setattr__(self, "elevation", tuple(self.elevation))
+        low, high = self.elevation
+        if not -90 <= low < high <= 90:
+            raise DeepringError(
+                f"raster.elevation: {[low, high]}, expected [low, high] degrees in [-90, 90]"
+            )
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -127,6 +163,10 @@ class ContextRaster:
     preprocessing: Preprocessing = field(
         default_factory=lambda: Preprocessing(height=(-2.0, 100.0), clearance=None, extent=80.0)
     )
+
+    def __post_init__(self) -> None:
+        check_fields(self, ("sectors", "rings"), ("radius",))
+        check_crop(self, self.radius)
 
     @property
     def shape(self) -> tuple[int, int]:

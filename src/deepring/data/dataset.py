@@ -109,8 +109,10 @@ class PlaceDataset:
     def _open(self, name: str | None) -> Session:
         c = self.config
         session = open_session(c.format, c.root, name, **c.reader)
-        if session.omissions.broken or session.omissions.without_pose:
-            log.warning("%s %s: left out %s", c.name, session.name, session.omissions)
+        left_out = session.omissions
+        if str(left_out):
+            level = logging.WARNING if left_out.broken or left_out.without_pose else logging.INFO
+            log.log(level, "%s %s: left out %s", c.name, session.name, left_out)
         return session
 
     @cached_property

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torchmetrics import Metric
 
-from deepring.data.cache import Rasters, ScanSet
+from deepring.data.cache import Progress, Rasters, ScanSet
 from deepring.data.dataset import distances_between
 from deepring.errors import DeepringError
 from deepring.evaluation.metrics import MaxF1, PlaceAUC, PlacePrecisionRecall, RecallAtK
@@ -84,11 +84,15 @@ def evaluate_method(
     task: Task,
     radii: Sequence[float] = (10.0, 5.0, 15.0, 20.0, 25.0),
     train: str = "",
+    device: torch.device | None = None,
+    progress: Progress | None = None,
 ) -> Outcome:
     """Describe both sides, look every query up, and count at each revisit radius (metres).
 
-    ``train`` names what a learned method was trained on. A radius at which no query has an
-    answer is left out with a warning; the first, the headline, raises DeepringError then.
+    ``train`` names what a learned method was trained on. The work is done on ``device``, where
+    the method must be; ``progress`` is called with scans done and their total. A radius at which
+    no query has an answer is left out with a warning; the first, the headline, raises
+    DeepringError then.
     """
     for what, side in (("database", task.database), ("query", task.query)):
         if not len(side):
@@ -101,9 +105,9 @@ def evaluate_method(
     counts = {radius: _metrics(radius) for radius in radii}
     curve = PlacePrecisionRecall(radii[0], **ALONE)
     everything = [curve, *(metric for group in counts.values() for metric in group.values())]
-    retrieved, seconds_per_query = _retrieve(method, task, everything)
+    retrieved, seconds_per_query = _retrieve(method, task, everything, device, progress)
 
-    per_scan = seconds_per_scan(method, task.query.scans)
+    per_scan = seconds_per_scan(method, task.query.scans, device)
     rows = []
     for radius, group in counts.items():
         answerable = int((retrieved.nearest <= radius).sum())
@@ -136,18 +140,24 @@ def _metrics(radius: float) -> dict[str, Metric]:
     }
 
 
-def _retrieve(method: Method, task: Task, metrics: Sequence[Metric]) -> tuple[Retrieved, float]:
+def _retrieve(
+    method: Method,
+    task: Task,
+    metrics: Sequence[Metric],
+    device: torch.device | None,
+    progress: Progress | None,
+) -> tuple[Retrieved, float]:
     """The best place a query, and seconds to look one up; metrics see each batch of scores.
 
     Descriptors of the whole database are held in memory, those of one batch of queries.
     """
-    database = describe_all(method, task.database.rasters)
+    database = describe_all(method, task.database.rasters, BATCH, device, progress)
     columns: list[tuple[Tensor, ...]] = []
     turns: list[Tensor] = []
     seconds = 0.0
     for start in range(0, len(task.query), BATCH):
         rows = slice(start, start + BATCH)
-        query = method.describe(task.query.rasters[rows])
+        query = method.describe(task.query.rasters[rows].to(device))
         started = time.perf_counter()
         score, yaw = method.compare(query, database)
         score = score.cpu()  # waits for the device
@@ -159,6 +169,8 @@ def _retrieve(method: Method, task: Task, metrics: Sequence[Metric]) -> tuple[Re
         columns.append(
             (best, score.gather(1, best), distances.gather(1, best), distances.amin(1, True))
         )
+        if progress is not None:
+            progress(min(rows.stop, len(task.query)), len(task.query))
         if yaw is not None:
             turns.append(yaw.cpu().gather(1, best))
     place, top, distance, nearest = (
@@ -168,7 +180,9 @@ def _retrieve(method: Method, task: Task, metrics: Sequence[Metric]) -> tuple[Re
     return Retrieved(place, top, yaws, distance, nearest), seconds / len(task.query)
 
 
-def seconds_per_scan(method: Method, scans: ScanSet, count: int = 32) -> float:
+def seconds_per_scan(
+    method: Method, scans: ScanSet, device: torch.device | None = None, count: int = 32
+) -> float:
     """Median seconds from the points of a scan to its descriptor, one scan at a time.
 
     Reading the file is left out; up to ``count`` scans, spread over the set.
@@ -179,6 +193,6 @@ def seconds_per_scan(method: Method, scans: ScanSet, count: int = 32) -> float:
         points = session.points(int(scans.indices[k]))
         started = time.perf_counter()
         raster = method.raster(points, scans.ground_z)
-        method.describe(torch.from_numpy(raster)[None]).cpu()
+        method.describe(torch.from_numpy(raster)[None].to(device)).cpu()
         times.append(time.perf_counter() - started)
     return float(np.median(times))

@@ -5,6 +5,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
+from deepring.data.cache import Progress
 from deepring.methods.base import Method
 
 
@@ -15,7 +16,17 @@ class Images(Protocol):
     def __getitem__(self, rows: slice, /) -> Tensor: ...
 
 
-def describe_all(method: Method, images: Images, batch: int = 64) -> Tensor:
-    """Descriptors (n, ...) of n images, ``batch`` in memory at a time."""
-    parts = [method.describe(images[k : k + batch]) for k in range(0, len(images), batch)]
+def describe_all(
+    method: Method,
+    images: Images,
+    batch: int = 64,
+    device: torch.device | None = None,
+    progress: Progress | None = None,
+) -> Tensor:
+    """Descriptors (n, ...) of n images, ``batch`` in memory at a time, made on ``device``."""
+    parts = []
+    for k in range(0, len(images), batch):
+        parts.append(method.describe(images[k : k + batch].to(device)))
+        if progress is not None:
+            progress(min(k + batch, len(images)), len(images))
     return torch.cat(parts)

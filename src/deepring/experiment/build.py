@@ -2,16 +2,19 @@
 
 import logging
 from collections.abc import Callable
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import lightning as L
+import torch
 from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from lightning.pytorch.loggers import Logger
 from omegaconf import OmegaConf
 
+from deepring.core.ground import Preprocessing
 from deepring.core.rasters import make_raster, raster_settings
 from deepring.data.cache import RasterCache
 from deepring.data.datamodule import PlaceDataModule
@@ -24,6 +27,8 @@ from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.training.module import DeepRingModule
 
 log = logging.getLogger(__name__)
+
+PRECISIONS = ("32-true", "32", "bf16-mixed", "16-mixed")
 
 
 def plain(node: Any) -> Any:
@@ -63,6 +68,11 @@ def test_dataset(cfg: Config) -> PlaceDataset:
 def train_datasets(cfg: Config) -> list[PlaceDataset]:
     """The datasets to train on: ``train_data``, or ``data`` where that is empty."""
     chosen = list(cfg.train_data.values()) or [cfg.data]
+    names = [config.name for config in chosen]
+    if len(set(names)) < len(names):
+        raise DeepringError(
+            f"train_data: {', '.join(names)} do not differ in name; set train_data.KEY.name"
+        )
     return [PlaceDataset(config) for config in chosen]
 
 
@@ -79,6 +89,11 @@ def deepring_settings(cfg: Config) -> DeepRingSettings:
         normalisation=cfg.similarity.normalisation,
         **plain(cfg.encoder),
     )
+
+
+def preprocessing_settings(cfg: Config) -> dict[str, Any]:
+    """The config's preprocessing, as a raster's settings state it."""
+    return asdict(Preprocessing(**plain(cfg.preprocessing)))
 
 
 def raster_cache(cfg: Config) -> RasterCache:
@@ -119,6 +134,11 @@ def trainer(cfg: Config, folder: Path, *, validated: bool) -> L.Trainer:
 
     Where nothing is held out for validation, the last epoch's weights are the ones kept.
     """
+    if str(cfg.trainer.precision) not in PRECISIONS:
+        raise DeepringError(
+            f"trainer.precision: {cfg.trainer.precision}, expected one of {', '.join(PRECISIONS)}; "
+            "sinograms and spectra are taken in float32"
+        )
     nodes = {name: plain(node) for name, node in cfg.callbacks.items() if node}
     if not validated:
         log.warning("no validation split: the weights of the last epoch are kept")
@@ -137,6 +157,12 @@ def trainer(cfg: Config, folder: Path, *, validated: bool) -> L.Trainer:
     )
 
 
+def device(cfg: Config) -> torch.device:
+    """Where methods are evaluated: a CUDA device if there is one and the trainer may use it."""
+    wanted = str(cfg.trainer.accelerator) in ("auto", "gpu", "cuda")
+    return torch.device("cuda" if wanted and torch.cuda.is_available() else "cpu")
+
+
 def methods(cfg: Config, deepring: DeepRing | None) -> dict[str, Method]:
     """The methods to evaluate: the trained network, where there is one, and the configured."""
     chosen: dict[str, Method] = {} if deepring is None else {"DeepRING": deepring}
@@ -147,11 +173,6 @@ def methods(cfg: Config, deepring: DeepRing | None) -> dict[str, Method]:
         raster = values.pop("raster", None)
         label = values.pop("label", name)
         # A partial first: instantiate would turn a raster given to it into a config.
-        method = make({**values, "_partial_": True}, f"methods.{name}")
-        chosen[label] = method() if raster is None else method(raster=make_raster(raster))
-    if not chosen:
-        raise DeepringError(
-            "methods: nothing to evaluate; give checkpoint=FILE or a method such as "
-            "+method@methods.ring=ring"
-        )
+        method = make_later({**values, "_partial_": True}, f"methods.{name}")
+        chosen[label] = method() if raster is None else method(make_raster(raster))
     return chosen

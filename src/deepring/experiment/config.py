@@ -1,5 +1,6 @@
 """The configuration as types: a misspelt key or a value of the wrong type is refused."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Any, cast, get_args
 
@@ -26,11 +27,11 @@ class PreprocessingConfig:
 
 @dataclass
 class RepresentationConfig:
-    """The raster (its kind and its fields), and the sinogram's angles, bins and pooling."""
+    """The raster (its kind and its fields), a sinogram's angles and bins (else null), pooling."""
 
     raster: dict[str, Any] = field(default_factory=lambda: {"kind": "bev"})
-    angles: int = 120
-    bins: int = 120
+    angles: int | None = 120
+    bins: int | None = 120
     pool: int = 1
 
 
@@ -111,6 +112,8 @@ class Config:
     workers: int = 0
     #: Evaluate the best checkpoint at the end of training.
     test: bool = True
+    #: Train although test scans are among the training scans.
+    allow_overlap: bool = False
     #: Resume training from this checkpoint.
     resume: str | None = None
     #: The trained network to evaluate; None evaluates the other methods alone.
@@ -152,11 +155,21 @@ def check_config(composed: DictConfig) -> Config:
         names = ", ".join(sorted(missing))
         raise DeepringError(f"config: no value for {names}; give it as {sorted(missing)[0]}=VALUE")
     cfg = cast("Config", checked)
+    _check_values(cfg)
+    return cfg
+
+
+def _check_values(cfg: Config) -> None:
     counted_over(cfg)
+    for name in ("seed", "workers"):
+        if getattr(cfg, name) < 0:
+            raise DeepringError(f"{name}: {getattr(cfg, name)}, expected at least 0")
     if cfg.evaluation.region not in EVALUATED:
         raise DeepringError(
             f"evaluation.region: {cfg.evaluation.region!r}, expected one of {', '.join(EVALUATED)}"
         )
-    if not cfg.evaluation.radii:
-        raise DeepringError("evaluation.radii: empty, expected at least one radius in metres")
-    return cfg
+    radii = list(cfg.evaluation.radii)
+    if not radii or len(set(radii)) < len(radii) or not all(0 < r < math.inf for r in radii):
+        raise DeepringError(
+            f"evaluation.radii: {radii}, expected different lengths in metres, at least one"
+        )

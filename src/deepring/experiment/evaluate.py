@@ -2,12 +2,14 @@
 
 import logging
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from deepring.core.rasters import Raster
 from deepring.data.datamodule import load_rasters
 from deepring.data.dataset import RetrievalSet
+from deepring.errors import DeepringError
 from deepring.evaluation.protocol import Outcome, Side, Task, evaluate_method
 from deepring.evaluation.results import Result, write_results
 from deepring.evaluation.retrieval import describe_all
@@ -16,6 +18,8 @@ from deepring.experiment import build
 from deepring.experiment.config import Config, counted_over
 from deepring.experiment.pictures import evaluation_figures
 from deepring.methods.base import Method
+from deepring.methods.deepring import DeepRing
+from deepring.progress import progress_bar
 from deepring.training.module import load_deepring
 from deepring.viz.board import add_descriptors, write_board
 from deepring.viz.style import save
@@ -23,22 +27,75 @@ from deepring.viz.style import save
 log = logging.getLogger(__name__)
 
 
-def evaluate(cfg: Config, folder: Path, checkpoint: Path | None = None) -> list[Result]:
-    """Evaluate the network of ``checkpoint`` and the configured methods; one row a radius.
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What is to be evaluated, checked: nothing is written before it stands."""
 
-    Writes ``results.csv``, ``results.md``, pictures and TensorBoard events below ``folder``.
-    Raises DeepringError on a user's mistake.
+    methods: dict[str, Method]
+    network: DeepRing | None
+    trained_on: str
+    split: RetrievalSet
+
+
+def plan_evaluation(cfg: Config, checkpoint: Path | None = None, *, after: bool = False) -> Plan:
+    """Build the methods and open the test data. Raises DeepringError on a user's mistake.
+
+    ``after`` says that a network is yet to be trained, so that there may be none but it.
     """
     network, trained_on = (None, "") if checkpoint is None else load_deepring(checkpoint)
+    if network is not None:
+        network.to(build.device(cfg))
+        adopt_settings(cfg, network)
     methods = build.methods(cfg, network)
+    if not methods and not after:
+        raise DeepringError(
+            "methods: nothing to evaluate; give checkpoint=FILE or a method such as "
+            "+method@methods.ring=ring"
+        )
     split = build.test_dataset(cfg).retrieval(cfg.evaluation.region)
+    return Plan(methods, network, trained_on, split)
 
+
+def adopt_settings(cfg: Config, network: DeepRing) -> None:
+    """Set the config's model to the checkpoint's, so that what is recorded is what ran.
+
+    The checkpoint's preprocessing holds for the network in any case; where the config states
+    another one for the other methods, that is said.
+    """
+    settings = network.settings.to_dict()
+    own = settings["raster"].pop("preprocessing")
+    if own != build.preprocessing_settings(cfg):
+        log.warning(
+            "preprocessing: the network keeps that of its checkpoint, %s; the other methods "
+            "take the config's, %s",
+            own,
+            build.preprocessing_settings(cfg),
+        )
+    cfg.representation.raster = settings["raster"]
+    for key in ("angles", "bins", "pool"):
+        setattr(cfg.representation, key, settings[key])
+    for key in ("widths", "convolutions", "norm", "tau_padding"):
+        setattr(cfg.encoder, key, settings[key])
+    cfg.aggregation.kind = settings["aggregation"]
+    cfg.similarity.normalisation = settings["normalisation"]
+
+
+def evaluate(cfg: Config, folder: Path, plan: Plan) -> list[Result]:
+    """Evaluate the planned methods; one row a radius.
+
+    Writes ``results.csv``, ``results.md``, pictures and TensorBoard events below ``folder``.
+    """
+    split, network = plan.split, plan.network
     outcomes: list[tuple[Outcome, Task]] = []
-    for name, method in methods.items():
+    for name, method in plan.methods.items():
         task = load_task(cfg, split, method.raster)
-        train = trained_on if method is network else ""
+        train = plan.trained_on if method is network else ""
         log.info("%s: %d queries in %d places", name, len(task.query), len(task.database))
-        outcomes.append((evaluate_method(name, method, task, cfg.evaluation.radii, train), task))
+        with progress_bar(f"{name}: describing and looking up") as bar:
+            outcome = evaluate_method(
+                name, method, task, cfg.evaluation.radii, train, build.device(cfg), bar
+            )
+        outcomes.append((outcome, task))
 
     results = [row for outcome, _ in outcomes for row in outcome.results]
     write_results(folder / "results.csv", results)
@@ -46,6 +103,8 @@ def evaluate(cfg: Config, folder: Path, checkpoint: Path | None = None) -> list[
     tables = [markdown(results, cfg.evaluation.radii[0], over), markdown_radii(results, over)]
     (folder / "results.md").write_text("\n".join(tables))
 
+    if network is not None:
+        network.cpu()
     figures = evaluation_figures(outcomes, split, network, over) if cfg.evaluation.figures else {}
     for name, figure in figures.items():
         save(figure, folder / "figures" / f"{name}.png")

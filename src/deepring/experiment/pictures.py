@@ -7,7 +7,6 @@ import torch
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn.functional import avg_pool2d
 
 from deepring.core.correlation import correlation_curves
 from deepring.core.radon import radon
@@ -53,8 +52,9 @@ def evaluation_figures(
             (across, up),
         )
     method: Method = network if network is not None and _sees_bev(network) else Ring()
-    for k in np.linspace(0, len(split.query) - 1, 3).astype(int):
-        figures[f"sinogram_{k:04d}"] = twin_figure(method, split.query, int(k))
+    readable = outcomes[0][1].query.scans
+    for k in np.linspace(0, len(readable) - 1, 3).astype(int):
+        figures[f"sinogram_{k:04d}"] = twin_figure(method, readable, int(k))
     return figures
 
 
@@ -72,9 +72,10 @@ def twin_figure(method: Method, scans: ScanSet, k: int) -> Figure:
     a, b = method.describe(bev).cpu(), method.describe(twin).cpu()
 
     def sinogram(image: Tensor) -> NDArray[np.float32]:
-        """With as many rows as the descriptor has."""
-        full = radon(image, extent=raster.extent)
-        return avg_pool2d(full[:, None], full.shape[-2] // a.shape[-2])[0, 0].numpy()
+        """As the method sees it, with as many rows as the descriptor has."""
+        if isinstance(method, DeepRing):
+            return method.representation(image)[0, 0].numpy()
+        return radon(image, a.shape[-2], extent=raster.extent)[0].numpy()
 
     norm = torch.linalg.vector_norm(a) * torch.linalg.vector_norm(b)
     curve = correlation_curves(b, a)[0, 0] / norm

@@ -18,10 +18,17 @@ PACKAGES = ("deepring", "torch", "lightning", "hydra-core", "torchmetrics", "num
 
 
 def open_run_folder(cfg: Config, folder: Path) -> None:
-    """Write ``config.yaml`` and ``versions.json`` into ``folder``, and point `latest` at it."""
+    """Write ``config.yaml`` and ``versions.json`` into ``folder``, and point `latest` at it.
+
+    A run that goes on in its folder keeps both and adds ``config_resumed_<time>.yaml`` and
+    ``versions_resumed_<time>.json``.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "config.yaml").write_text(OmegaConf.to_yaml(cfg, resolve=True))
-    (folder / "versions.json").write_text(json.dumps(versions(cfg.seed), indent=2) + "\n")
+    resumed = (folder / "config.yaml").exists()
+    suffix = time.strftime("_resumed_%Y-%m-%d_%H-%M-%S") if resumed else ""
+    (folder / f"config{suffix}.yaml").write_text(OmegaConf.to_yaml(cfg, resolve=True))
+    record = json.dumps(versions(cfg.seed), indent=2)
+    (folder / f"versions{suffix}.json").write_text(record + "\n")
     link_latest(folder)
 
 

@@ -5,13 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import lightning as L
+import numpy as np
+from scipy.spatial import KDTree
 
+from deepring.data.dataset import PlaceDataset, RetrievalSet
 from deepring.errors import DeepringError
 from deepring.evaluation.results import Result
 from deepring.experiment import build
 from deepring.experiment.config import Config
-from deepring.experiment.evaluate import evaluate
+from deepring.experiment.evaluate import evaluate, plan_evaluation
 from deepring.experiment.run_folder import is_first_process, open_run_folder
+from deepring.methods.deepring import DeepRingSettings
+from deepring.training.module import load_deepring
 
 log = logging.getLogger(__name__)
 
@@ -31,11 +36,13 @@ def train(cfg: Config, folder: Path) -> Trained:
 
     Everything is written below ``folder``. Raises DeepringError on a user's mistake.
     """
-    resume = _checkpoint_to_resume(cfg)
     L.seed_everything(cfg.seed, workers=True, verbose=False)
-
     datasets = build.train_datasets(cfg)
     settings = build.deepring_settings(cfg)
+    # Whatever would fail after the training fails now, before anything is written.
+    _check_resume(cfg, settings)
+    if cfg.test:
+        check_overlap(cfg, datasets, plan_evaluation(cfg, after=True).split)
     datamodule = build.datamodule(cfg, datasets, settings)
     module = build.module(cfg, datasets, settings)
     if is_first_process():
@@ -48,21 +55,46 @@ def train(cfg: Config, folder: Path) -> Trained:
         " + ".join(dataset.name for dataset in datasets),
     )
     try:
-        trainer.fit(module, datamodule=datamodule, ckpt_path=resume, weights_only=True)
+        trainer.fit(module, datamodule=datamodule, ckpt_path=cfg.resume, weights_only=True)
     except SystemExit:  # how Lightning ends on Ctrl-C
         raise DeepringError(_interrupted(folder)) from None
 
     checkpoint = _best_checkpoint(trainer, folder)
     results = []
     if cfg.test and trainer.is_global_zero:
-        results = evaluate(cfg, folder, checkpoint)
+        results = evaluate(cfg, folder, plan_evaluation(cfg, checkpoint))
     return Trained(folder, checkpoint, results)
 
 
-def _checkpoint_to_resume(cfg: Config) -> str | None:
-    if cfg.resume is not None and not Path(cfg.resume).is_file():
-        raise DeepringError(f"resume: {cfg.resume} is no file; give a run's checkpoints/last.ckpt")
-    return cfg.resume
+def _check_resume(cfg: Config, settings: DeepRingSettings) -> None:
+    """Refuse to resume what is no checkpoint, or one of another network."""
+    if cfg.resume is None:
+        return
+    kept, asked = load_deepring(cfg.resume).method.settings.to_dict(), settings.to_dict()
+    differing = [name for name in asked if asked[name] != kept[name]]
+    if differing:
+        raise DeepringError(
+            f"resume: {cfg.resume} was trained with other {', '.join(differing)}: "
+            + "; ".join(f"{name} {kept[name]}, now {asked[name]}" for name in differing)
+            + "; give the same overrides as the run that made it"
+        )
+
+
+def check_overlap(cfg: Config, datasets: list[PlaceDataset], test: RetrievalSet) -> None:
+    """Refuse to train on scans that are tested on, and say how far apart the two lie."""
+    tested = np.concatenate([test.database.positions, test.query.positions])
+    for dataset in datasets:
+        if Path(dataset.config.root).resolve() != Path(cfg.data.root).resolve():
+            continue
+        trained = np.concatenate([scans.positions for scans in dataset.training()])
+        apart = KDTree(tested).query(trained)[0].min()
+        log.info("training scans keep %.0f m from the %s region's scans", apart, test.region)
+        if apart == 0 and not cfg.allow_overlap:
+            raise DeepringError(
+                f"data.regions: scans of {dataset.name} are in the training and in the "
+                f"{test.region} region, and recall would be measured on what was trained on; "
+                "separate data.regions.train and data.regions.test, or say allow_overlap=true"
+            )
 
 
 def _interrupted(folder: Path) -> str:

@@ -5,6 +5,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from torch import Tensor
 
 from deepring.core.rasters import Raster
+from deepring.errors import DeepringError
 
 
 class Comparison(NamedTuple):
@@ -32,3 +33,11 @@ class Method(Protocol):
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
         """Compare descriptors (q, ...) with descriptors (d, ...)."""
         ...
+
+
+def expect_raster(method: str, raster: Raster, kind: type[Raster]) -> None:
+    """Raise DeepringError where a method is given another kind of raster than it describes."""
+    if not isinstance(raster, kind):
+        raise DeepringError(
+            f"{method}: raster {type(raster).__name__}, expected {kind.__name__}; set raster.kind"
+        )

@@ -34,8 +34,8 @@ class DeepRingSettings:
     """Everything that makes a descriptor but the weights. Plain values, kept in checkpoints."""
 
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(BevRaster()))
-    angles: int = 120
-    bins: int = 120
+    angles: int | None = 120  # of the sinogram; None for the other rasters
+    bins: int | None = 120
     pool: int = 1
     widths: Sequence[int] = (64, 128, 256, 512)
     convolutions: int = 2
@@ -76,9 +76,7 @@ class DeepRing(nn.Module):
         self.representation = make_representation(
             self._raster, settings.angles, settings.bins, settings.pool
         )
-        # Only a sinogram has its own number of bins.
-        bev = isinstance(self._raster, BevRaster)
-        columns = (settings.bins if bev else self._raster.shape[1]) // settings.pool
+        columns = self.representation.columns
         self.encoder = CircularUNet(
             settings.widths,
             out_channels=channels_for(settings.aggregation, columns),

@@ -7,7 +7,7 @@ from deepring.core.correlation import circular_cross_correlation, shift_to_yaw, 
 from deepring.core.radon import radon
 from deepring.core.rasters import BevRaster
 from deepring.core.spectrum import row_dft_magnitude
-from deepring.methods.base import Comparison
+from deepring.methods.base import Comparison, expect_raster
 
 
 class Ring:
@@ -20,6 +20,7 @@ class Ring:
 
     def __init__(self, raster: BevRaster | None = None, angles: int = 120, bins: int = 120) -> None:
         self.raster = BevRaster() if raster is None else raster
+        expect_raster("RING", self.raster, BevRaster)
         self.angles, self.bins = angles, bins
 
     @torch.no_grad()

@@ -6,7 +6,7 @@ from torch import Tensor
 from deepring.core.correlation import correlation_curves, shift_to_yaw
 from deepring.core.rasters import ContextRaster
 from deepring.errors import DeepringError
-from deepring.methods.base import Comparison
+from deepring.methods.base import Comparison, expect_raster
 
 
 class ScanContext:
@@ -19,6 +19,7 @@ class ScanContext:
 
     def __init__(self, raster: ContextRaster | None = None, candidates: int | None = None) -> None:
         self.raster = ContextRaster() if raster is None else raster
+        expect_raster("Scan Context", self.raster, ContextRaster)
         if candidates is not None and candidates < 1:
             raise DeepringError(f"method.candidates: {candidates}, expected null or at least 1")
         self.candidates = candidates

@@ -7,18 +7,13 @@ from collections.abc import Callable
 
 from torch import Tensor
 
-from deepring.core.spectrum import column_dft_magnitude, row_dft_magnitude
+from deepring.core.spectrum import row_dft_magnitude
 
 
 def dft(feature: Tensor) -> Tensor:
     """Row-wise DFT magnitude: translation leaves with the phase."""
     magnitude = row_dft_magnitude(feature)
     return magnitude.transpose(1, 2).flatten(2)
-
-
-def dft2(feature: Tensor) -> Tensor:
-    """A further column-wise DFT: rotation leaves too, so that L2 can compare."""
-    return column_dft_magnitude(dft(feature))
 
 
 def gap(feature: Tensor) -> Tensor:
@@ -33,7 +28,6 @@ def gmp(feature: Tensor) -> Tensor:
 
 AGGREGATIONS: dict[str, Callable[[Tensor], Tensor]] = {
     "dft": dft,
-    "dft2": dft2,
     "gap": gap,
     "gmp": gmp,
     "multi_gap": gap,

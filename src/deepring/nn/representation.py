@@ -33,6 +33,11 @@ class Sinogram(nn.Module):
         """Rows of θ."""
         return self.angles // self.pool
 
+    @property
+    def columns(self) -> int:
+        """Bins of τ."""
+        return self.bins // self.pool
+
     def forward(self, raster: Tensor) -> Tensor:
         """Sinograms of the batch."""
         sinogram = radon(raster, self.angles, self.bins)[:, None]
@@ -42,18 +47,24 @@ class Sinogram(nn.Module):
 class PolarImage(nn.Module):
     """Polar gram or range image (b, θ, r) -> (b, 1, θ / pool, r / pool)."""
 
-    def __init__(self, sectors: int = 120, pool: int = 1) -> None:
+    def __init__(self, sectors: int = 120, cells: int = 120, pool: int = 1) -> None:
         super().__init__()
-        if pool < 1 or sectors % pool:
+        if pool < 1 or sectors % pool or cells % pool:
             raise DeepringError(
-                f"representation.pool: {pool}, expected a divisor of sectors={sectors}"
+                f"representation.pool: {pool}, expected a divisor of the raster's "
+                f"{sectors} x {cells}"
             )
-        self.sectors, self.pool = sectors, pool
+        self.sectors, self.cells, self.pool = sectors, cells, pool
 
     @property
     def rows(self) -> int:
         """Rows of θ."""
         return self.sectors // self.pool
+
+    @property
+    def columns(self) -> int:
+        """Columns of r, or of the elevation."""
+        return self.cells // self.pool
 
     def forward(self, raster: Tensor) -> Tensor:
         """Images of the batch as float32."""
@@ -62,12 +73,22 @@ class PolarImage(nn.Module):
 
 
 def make_representation(
-    raster: Raster, angles: int = 120, bins: int = 120, pool: int = 1
+    raster: Raster, angles: int | None = 120, bins: int | None = 120, pool: int = 1
 ) -> Sinogram | PolarImage:
-    """The representation that goes with a raster; angles and bins are the sinogram's."""
+    """The representation that goes with a raster; angles and bins are the sinogram's alone."""
     match raster:
         case BevRaster():
+            if angles is None or bins is None:
+                raise DeepringError(
+                    f"representation.angles: {angles}, representation.bins: {bins}; "
+                    "a sinogram needs both"
+                )
             return Sinogram(angles, bins, pool)
         case PolarRaster() | RangeRaster():
-            return PolarImage(raster.sectors, pool)
+            if angles is not None or bins is not None:
+                raise DeepringError(
+                    f"representation.angles: {angles}, representation.bins: {bins}; expected null, "
+                    f"since the rows and columns of a {type(raster).__name__} are its raster's"
+                )
+            return PolarImage(*raster.shape, pool)
     raise DeepringError(f"representation: no network takes a {type(raster).__name__}")
