@@ -14,16 +14,6 @@ from deepring.simulation.simulate import simulate
 
 
 @pytest.fixture(scope="session")
-def real_data() -> Path:
-    """The folder of real scans, or a skip that says what is missing."""
-    default = Path(__file__).resolve().parents[2] / "shared" / "data"
-    folder = Path(os.environ.get("DEEPRING_TEST_DATA", default))
-    if not folder.is_dir():
-        pytest.skip("no real scans here: set DEEPRING_TEST_DATA to a folder that holds them")
-    return folder
-
-
-@pytest.fixture(scope="session")
 def tiny_nclt(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A few streets in NCLT's layout."""
     return simulate(tiny("nclt"), tmp_path_factory.mktemp("simulated") / "nclt")
