@@ -8,7 +8,7 @@ import torch
 from scenes import scattered
 
 from deepring.core.bev import bev_occupancy
-from deepring.core.correlation import circular_cross_correlation, unit_norm
+from deepring.core.correlation import circular_cross_correlation, standardise, unit_norm
 from deepring.core.equivariance import (
     assert_invariant,
     assert_tau_invariant,
@@ -18,7 +18,11 @@ from deepring.core.equivariance import (
 from deepring.core.polar import polar_gram
 from deepring.core.radon import radon
 from deepring.core.rigid import turn_points
-from deepring.core.spectrum import column_dft_magnitude, row_dft_magnitude
+from deepring.core.spectrum import (
+    column_dft_magnitude,
+    row_dft_magnitude,
+    standardise_spectrum,
+)
 
 
 @pytest.mark.parametrize("bins", [12, 13])
@@ -30,6 +34,18 @@ def test_inner_products_equal_those_of_the_full_spectrum(bins):
     # Without the weights they differ.
     plain = [torch.fft.rfft(x, norm="ortho").abs() for x in (a, b)]
     assert not torch.allclose((plain[0] * plain[1]).sum(), (full[0] * full[1]).sum(), rtol=1e-2)
+
+
+@pytest.mark.parametrize("bins", [12, 13])
+def test_standardising_the_half_is_standardising_the_full_spectrum(bins):
+    a, b = torch.rand(2, 5, bins)
+    full = [standardise(torch.fft.fft(x, norm="ortho").abs()) for x in (a, b)]
+    half = [standardise_spectrum(row_dft_magnitude(x), bins) for x in (a, b)]
+    assert torch.allclose((half[0] * half[1]).sum(), (full[0] * full[1]).sum(), atol=1e-3)
+    assert torch.allclose((half[0] ** 2).sum(), torch.tensor(5.0 * bins), rtol=1e-4)
+    # Standardising the weighted half as it stands is something else.
+    naive = [standardise(row_dft_magnitude(x)) for x in (a, b)]
+    assert not torch.allclose((naive[0] * naive[1]).sum(), (full[0] * full[1]).sum(), rtol=1e-2)
 
 
 def test_exact_symmetries():

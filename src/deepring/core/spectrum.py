@@ -12,11 +12,31 @@ def row_dft_magnitude(feature: Tensor) -> Tensor:
     norms over this half equal those over the paper's full spectrum.
     """
     magnitude = torch.fft.rfft(feature.float(), dim=-1, norm="ortho").abs()
-    weight = magnitude.new_full((magnitude.shape[-1],), 2.0**0.5)
+    return magnitude * _weights(feature.shape[-1]).to(magnitude.device)
+
+
+def _weights(bins: int) -> Tensor:
+    """√ of how often each ω >= 0 occurs in the spectrum of ``bins`` real values."""
+    weight = torch.full((bins // 2 + 1,), 2.0**0.5)
     weight[0] = 1.0
-    if feature.shape[-1] % 2 == 0:
+    if bins % 2 == 0:
         weight[-1] = 1.0
-    return magnitude * weight
+    return weight
+
+
+def standardise_spectrum(magnitude: Tensor, bins: int) -> Tensor:
+    """Zero mean and unit deviation over the full spectrum that `row_dft_magnitude` halves.
+
+    (..., θ, ω) of rows of ``bins`` values -> the same shape. Inner products over the result
+    equal those of the full spectrum standardised (RING, lus6-Jenny/RING). The weighted half's
+    own mean and deviation would be others.
+    """
+    weight = _weights(bins).to(magnitude.device)
+    size = magnitude.shape[-2] * bins
+    mean = (magnitude * weight).sum(dim=(-2, -1), keepdim=True) / size
+    centred = magnitude - mean * weight
+    deviation = (centred.square().sum(dim=(-2, -1), keepdim=True) / size).sqrt()
+    return centred / deviation.clamp_min(1e-12)
 
 
 def column_dft_magnitude(magnitude: Tensor) -> Tensor:

@@ -26,7 +26,10 @@ NORMALISATIONS: dict[str, Callable[[Tensor], Tensor]] = {
     "standard": lambda d: standardise(d) / (d.shape[-2] * d.shape[-1]) ** 0.5,
     "none": lambda d: d,
 }
-"""Of a descriptor before it is correlated: unit norm; zero mean and unit norm; as it is."""
+"""Of a descriptor before it is correlated: unit norm; zero mean and unit norm; as it is.
+
+Both are taken over the weighted half spectrum. For the norm that is the full one's; the mean of
+'standard' is a choice of its own."""
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,10 @@
 import torch
 from torch import Tensor
 
-from deepring.core.correlation import circular_cross_correlation, shift_to_yaw, standardise
+from deepring.core.correlation import circular_cross_correlation, shift_to_yaw
 from deepring.core.radon import radon
 from deepring.core.rasters import BevRaster
-from deepring.core.spectrum import row_dft_magnitude
+from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
 from deepring.methods.base import Comparison, expect_raster
 
 
@@ -25,11 +25,12 @@ class Ring:
 
     @torch.no_grad()
     def describe(self, rasters: Tensor) -> Tensor:
-        """TI-RING (b, angles, bins // 2 + 1), zero mean and unit deviation."""
-        return standardise(row_dft_magnitude(radon(rasters, self.angles, self.bins)))
+        """TI-RING (b, angles, bins // 2 + 1), zero mean and unit deviation of the full spectrum."""
+        spectrum = row_dft_magnitude(radon(rasters, self.angles, self.bins))
+        return standardise_spectrum(spectrum, self.bins)
 
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
         """Correlation a cell, in [-1, 1], and the yaw modulo π."""
         match = circular_cross_correlation(queries, database)
-        size = queries.shape[-2] * queries.shape[-1]
+        size = queries.shape[-2] * self.bins
         return Comparison(match.score / size, shift_to_yaw(match.shift, queries.shape[-2]))
