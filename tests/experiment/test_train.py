@@ -220,6 +220,24 @@ def test_an_evaluation_records_the_checkpoints_model(small_run, composed, tiny_n
     assert "keeps that of its checkpoint" in caplog.text
 
 
+@pytest.mark.parametrize(("region", "warned"), [("test", False), ("whole", True)])
+def test_evaluating_where_it_was_trained_is_said(
+    region, warned, small_run, composed, tiny_nclt, caplog
+):
+    options = [f"data.root={tiny_nclt}", *SMALL[3:], f"evaluation.region={region}"]
+    plan_evaluation(composed(*options, name="evaluate"), small_run[1].checkpoint)
+    assert ("how well it remembers" in caplog.text) == warned
+
+
+def test_a_refused_training_leaves_latest_where_it_was(small_run, compose_in, tiny_nclt):
+    latest = small_run[1].folder.parent / "latest"
+    before = latest.resolve()
+    cfg = compose_in(before.parent, f"data.root={tiny_nclt}", *SMALL, "episode.ways=500")
+    with pytest.raises(DeepringError, match=r"episode\.ways"):
+        train(cfg, before.parent / "refused")
+    assert latest.resolve() == before
+
+
 @pytest.mark.parametrize("which", [0, 0.5, 1])
 def test_a_query_that_cannot_be_decoded_is_left_out_everywhere(
     which, composed, tiny_kitti, tmp_path, caplog

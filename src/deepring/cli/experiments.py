@@ -19,7 +19,7 @@ from deepring.experiment.config import (
     counted_over,
     register_schema,
 )
-from deepring.experiment.run_folder import is_first_process, open_run_folder
+from deepring.experiment.run_folder import is_first_process, link_latest, open_run_folder
 
 
 def config_folder() -> Path:
@@ -82,6 +82,7 @@ def _evaluate(composed: DictConfig) -> None:
     plan = plan_evaluation(cfg, None if cfg.checkpoint is None else Path(cfg.checkpoint))
     open_run_folder(cfg, folder)
     show(cfg, evaluate(cfg, folder, plan))
+    link_latest(folder)
     show_folder(folder)
 
 

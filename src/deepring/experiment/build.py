@@ -11,6 +11,7 @@ import lightning as L
 import torch
 from hydra.errors import InstantiationException
 from hydra.utils import instantiate
+from lightning.pytorch.callbacks import Callback
 from lightning.pytorch.loggers import Logger
 from omegaconf import OmegaConf
 
@@ -22,6 +23,7 @@ from deepring.data.dataset import PlaceDataset
 from deepring.data.episodes import EpisodeSettings
 from deepring.errors import DeepringError
 from deepring.experiment.config import Config
+from deepring.experiment.run_folder import LinkLatest
 from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.training.module import DeepRingModule
@@ -144,7 +146,8 @@ def trainer(cfg: Config, folder: Path, *, validated: bool) -> L.Trainer:
         log.warning("no validation split: the weights of the last epoch are kept")
         for node in nodes.values():
             node.pop("monitor", None)
-    callbacks = [make(node, f"callbacks.{name}") for name, node in nodes.items()]
+    callbacks: list[Callback] = [make(node, f"callbacks.{name}") for name, node in nodes.items()]
+    callbacks.append(LinkLatest(folder))
     logger: Logger | bool = False if cfg.logger is None else make(cfg.logger, "logger")
     return make(
         cfg.trainer,

@@ -1,14 +1,18 @@
 """Evaluate methods on a region of a dataset, through one and the same code."""
 
 import logging
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from scipy.spatial import KDTree
+
 from deepring.core.rasters import Raster
 from deepring.data.datamodule import load_rasters
-from deepring.data.dataset import RetrievalSet
+from deepring.data.dataset import PlaceDataset, RetrievalSet
 from deepring.errors import DeepringError
 from deepring.evaluation.protocol import Outcome, Side, Task, evaluate_method
 from deepring.evaluation.results import Result, write_results
@@ -52,17 +56,44 @@ def plan_evaluation(cfg: Config, checkpoint: Path | None = None, *, after: bool 
             "methods: nothing to evaluate; give checkpoint=FILE or a method such as "
             "+method@methods.ring=ring"
         )
-    split = build.test_dataset(cfg).retrieval(cfg.evaluation.region)
+    dataset = build.test_dataset(cfg)
+    split = dataset.retrieval(cfg.evaluation.region)
+    if network is None and not after:
+        log.info("no checkpoint=FILE given: DeepRING is left out")
+    remembered = dataset.name in trained_on.split("+") and distance_to_training(dataset, split) == 0
+    if remembered:
+        log.warning(
+            "the network was trained on %s, and by this config the %s region holds training "
+            "scans: its figures tell how well it remembers",
+            dataset.name,
+            split.region,
+        )
     return Plan(methods, network, trained_on, split)
+
+
+def distance_to_training(dataset: PlaceDataset, test: RetrievalSet) -> float:
+    """Smallest distance (m) from a training scan of the dataset to a scan of ``test``.
+
+    Infinite where the config's training region holds no scan.
+    """
+    tested = KDTree(np.concatenate([test.database.positions, test.query.positions]))
+    try:
+        training = dataset.training()
+    except DeepringError:
+        return math.inf
+    return min(float(tested.query(scans.positions)[0].min()) for scans in training)
 
 
 def adopt_settings(cfg: Config, network: DeepRing) -> None:
     """Set the config's model to the checkpoint's, so that what is recorded is what ran.
 
+    Groups such as representation= choose what is trained; with a checkpoint they have no say.
+
     The checkpoint's preprocessing holds for the network in any case; where the config states
     another one for the other methods, that is said.
     """
     settings = network.settings.to_dict()
+    log.info("the network is as its checkpoint states: %s", settings)
     own = settings["raster"].pop("preprocessing")
     if own != build.preprocessing_settings(cfg):
         log.warning(

@@ -9,6 +9,8 @@ import time
 from importlib import metadata
 from pathlib import Path
 
+import lightning as L
+from lightning.pytorch.callbacks import Callback
 from lightning.pytorch.utilities import rank_zero_only
 from omegaconf import OmegaConf
 
@@ -18,7 +20,7 @@ PACKAGES = ("deepring", "torch", "lightning", "hydra-core", "torchmetrics", "num
 
 
 def open_run_folder(cfg: Config, folder: Path) -> None:
-    """Write ``config.yaml`` and ``versions.json`` into ``folder``, and point `latest` at it.
+    """Write ``config.yaml`` and ``versions.json`` into ``folder``.
 
     A run that goes on in its folder keeps both and adds ``config_resumed_<time>.yaml`` and
     ``versions_resumed_<time>.json``.
@@ -29,7 +31,6 @@ def open_run_folder(cfg: Config, folder: Path) -> None:
     (folder / f"config{suffix}.yaml").write_text(OmegaConf.to_yaml(cfg, resolve=True))
     record = json.dumps(versions(cfg.seed), indent=2)
     (folder / f"versions{suffix}.json").write_text(record + "\n")
-    link_latest(folder)
 
 
 def is_first_process() -> bool:
@@ -63,6 +64,18 @@ def _git_commit() -> str | None:
     except (OSError, subprocess.CalledProcessError):
         return None
     return commit + ("+" if changes else "")
+
+
+class LinkLatest(Callback):
+    """Points `latest` at a run once it trains, so that a refused one never takes its place."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def on_train_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:  # noqa: ARG002
+        """In the first process of a distributed run."""
+        if trainer.is_global_zero:
+            link_latest(self.folder)
 
 
 def link_latest(folder: Path) -> None:

@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import lightning as L
-import numpy as np
-from scipy.spatial import KDTree
 
 from deepring.data.dataset import PlaceDataset, RetrievalSet
 from deepring.errors import DeepringError
 from deepring.evaluation.results import Result
 from deepring.experiment import build
 from deepring.experiment.config import Config
-from deepring.experiment.evaluate import evaluate, plan_evaluation
+from deepring.experiment.evaluate import distance_to_training, evaluate, plan_evaluation
 from deepring.experiment.run_folder import is_first_process, open_run_folder
 from deepring.methods.deepring import DeepRingSettings
 from deepring.training.module import load_deepring
@@ -82,12 +80,10 @@ def _check_resume(cfg: Config, settings: DeepRingSettings) -> None:
 
 def check_overlap(cfg: Config, datasets: list[PlaceDataset], test: RetrievalSet) -> None:
     """Refuse to train on scans that are tested on, and say how far apart the two lie."""
-    tested = np.concatenate([test.database.positions, test.query.positions])
     for dataset in datasets:
         if Path(dataset.config.root).resolve() != Path(cfg.data.root).resolve():
             continue
-        trained = np.concatenate([scans.positions for scans in dataset.training()])
-        apart = KDTree(tested).query(trained)[0].min()
+        apart = distance_to_training(dataset, test)
         log.info("training scans keep %.0f m from the %s region's scans", apart, test.region)
         if apart == 0 and not cfg.allow_overlap:
             raise DeepringError(

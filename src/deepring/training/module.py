@@ -134,5 +134,7 @@ def load_deepring(checkpoint: Path | str) -> TrainedNetwork:
     except DeepringError:
         raise
     except Exception as error:  # torch.load raises many kinds for a damaged file
-        raise DeepringError(f"checkpoint: {path} is no DeepRING checkpoint ({error})") from error
+        raise DeepringError(
+            f"checkpoint: {path} is no DeepRING checkpoint of this version ({type(error).__name__})"
+        ) from error
     return TrainedNetwork(method.eval(), str(kept["trained_on"]))
