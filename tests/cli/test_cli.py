@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -161,14 +162,25 @@ def test_an_interrupted_training_says_how_to_go_on_and_does(tiny_nclt, tmp_path)
     options = ["experiment=demo", f"data.root={tiny_nclt}", *SMALL, "evaluation.figures=false"]
     command = [Path(sys.executable).with_name("deepring"), "train", *options]
     long = [*map(str, command), "trainer.max_epochs=5000"]
-    with subprocess.Popen(long, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as running:
+    # Where the suite itself runs in the background, SIGINT would be inherited as ignored.
+    heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    with subprocess.Popen(
+        long,
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=heed,  # noqa: PLW1509
+    ) as running:
         checkpoint = tmp_path / "outputs" / "demo" / "latest" / "checkpoints" / "last.ckpt"
         for _ in range(600):
             if checkpoint.is_file() or running.poll() is not None:
                 break
             time.sleep(0.1)
         running.send_signal(signal.SIGINT)
-        _, errors = running.communicate(timeout=60)
+        try:
+            _, errors = running.communicate(timeout=60)
+        finally:
+            running.kill()
     assert running.returncode == 2, errors
     assert "Traceback" not in errors
     assert "resume=outputs/demo/" in errors
