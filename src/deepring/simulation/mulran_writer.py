@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.files import write_whole
 from deepring.simulation.drive import Drive
-from deepring.simulation.files import write_whole
 from deepring.simulation.regions import UTM_ORIGIN
 from deepring.simulation.sensors import Sensor, Sweep
 

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.core.rigid import NED_TO_UP
+from deepring.files import write_whole
 from deepring.simulation.drive import Drive
-from deepring.simulation.files import write_whole
 from deepring.simulation.sensors import Sensor, Sweep
 
 #: The sessions' folders, database first: NCLT's, but in a year that was never recorded.
