@@ -7,3 +7,7 @@ class DeepringError(Exception):
 
 class BrokenScanError(DeepringError):
     """One scan file that cannot be decoded. Sessions skip, count and report these."""
+
+
+class StoppedError(DeepringError):
+    """The user stopped the work; the message says how to go on."""

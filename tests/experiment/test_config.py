@@ -1,10 +1,15 @@
 """The config as types: misspelt keys and wrong types are refused, by name."""
 
+import dataclasses
+
 import pytest
 from hydra.errors import ConfigCompositionException
 
+from deepring.cli.experiments import config_folder
+from deepring.core.ground import Preprocessing
 from deepring.errors import DeepringError
 from deepring.experiment import build
+from deepring.experiment.config import PreprocessingConfig, flattened
 from deepring.experiment.evaluate import plan_evaluation
 
 ROOT = "data.root=/nowhere"
@@ -67,7 +72,7 @@ def test_values_that_no_network_takes_are_refused(composed, override, complaint)
         build.module(cfg, [], build.deepring_settings(cfg)).configure_optimizers()
 
 
-@pytest.mark.parametrize("kind", ["sinogram", "sinogram_60", "polar_gram", "range_image"])
+@pytest.mark.parametrize("kind", ["sinogram", "sinogram_half", "polar_gram", "range_image"])
 @pytest.mark.parametrize("aggregation", ["dft", "gap", "gmp", "multi_gap"])
 def test_every_representation_goes_with_every_aggregation(composed, kind, aggregation):
     cfg = composed(
@@ -77,6 +82,38 @@ def test_every_representation_goes_with_every_aggregation(composed, kind, aggreg
         60,
         120,
     )
+
+
+def test_every_variant_composes_and_the_experiments_pooling_stays(composed):
+    variants = sorted(path.stem for path in (config_folder() / "variant").glob("*.yaml"))
+    assert "triplet_dft2" in variants
+    for variant in variants:
+        cfg = composed(ROOT, "experiment=demo", f"variant={variant}")
+        module = build.module(cfg, [], build.deepring_settings(cfg))
+        assert module.method.representation.rows == 60
+
+
+def test_a_table_iii_row_changes_what_it_names_and_nothing_else(composed):
+    def values(*overrides):
+        return flattened(build.plain(composed(ROOT, "experiment=demo", *overrides)))
+
+    ours = values("variant=ours")
+    assert ours == values()
+
+    def changed(variant):
+        other = values(f"variant={variant}")
+        keys = {key for key in ours.keys() | other.keys() if ours.get(key) != other.get(key)}
+        return {key.partition(".")[0] for key in keys}
+
+    assert changed("pg") == {"representation"}
+    assert changed("gap") == changed("gmp") == changed("multi_gap") == {"aggregation"}
+    assert changed("triplet") == {"loss", "similarity"}
+    assert changed("triplet_dft2") == {"loss", "similarity", "aggregation"}
+
+
+def test_the_config_and_the_mathematics_agree_on_preprocessing():
+    ours = {field.name: field.default for field in dataclasses.fields(PreprocessingConfig)}
+    assert ours == {field.name: field.default for field in dataclasses.fields(Preprocessing)}
 
 
 def test_methods_are_built_with_their_rasters(composed):

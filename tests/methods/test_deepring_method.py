@@ -239,7 +239,8 @@ def test_bad_settings_are_named(match, changes):
 )
 @pytest.mark.parametrize("aggregation", AGGREGATIONS)
 def test_every_aggregation_takes_every_raster(aggregation, raster):
-    net = network(raster=raster_settings(raster), aggregation=aggregation)
+    search = "l2" if aggregation == "dft2" else "correlation"
+    net = network(raster=raster_settings(raster), aggregation=aggregation, similarity=search)
     out = net.describe(noise(net))
     columns = 32 if isinstance(raster, BevRaster) else raster.shape[1]
     values = {"gap": 1, "gmp": 1}.get(aggregation, columns // 2 + 1)

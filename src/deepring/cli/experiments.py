@@ -1,6 +1,7 @@
 """`deepring train` and `deepring evaluate`: Hydra composes, one function runs, a table tells."""
 
 import logging
+import math
 import os
 import sys
 import warnings
@@ -10,7 +11,9 @@ from pathlib import Path
 import hydra
 from omegaconf import DictConfig
 
-from deepring.cli.report import console
+from deepring.cli.process import tune_process
+from deepring.cli.report import console, mistakes_reported
+from deepring.cli.sweeps import in_parallel, is_sweep, naming, outcome_noted, report_sweep
 from deepring.evaluation.results import Result
 from deepring.evaluation.tables import render, render_radii
 from deepring.experiment.config import (
@@ -20,6 +23,7 @@ from deepring.experiment.config import (
     register_schema,
 )
 from deepring.experiment.run_folder import is_first_process, link_latest, open_run_folder
+from deepring.progress import silence
 
 
 def config_folder() -> Path:
@@ -30,7 +34,17 @@ def config_folder() -> Path:
 
 
 def train_command(arguments: Sequence[str]) -> None:
-    """``deepring train [KEY=VALUE ...]``; ``resume=CHECKPOINT`` goes on in that run's folder."""
+    """``deepring train [-m] [KEY=VALUE ...]``.
+
+    ``resume=CHECKPOINT`` goes on in that run's folder; ``-m`` runs a sweep, one job after the
+    other or as the launcher has it.
+    """
+    if is_sweep(arguments):
+        _run_hydra(
+            "train", _sweep_job, [*arguments, *naming(arguments, config_folder() / "ablation")]
+        )
+        report_sweep()
+        return
     resumed = [a.partition("=")[2] for a in arguments if a.startswith("resume=")]
     if resumed and (folder := run_of(Path(resumed[-1]))) is not None:
         arguments = [*arguments, f"hydra.run.dir={folder}"]
@@ -50,17 +64,34 @@ def evaluate_command(arguments: Sequence[str]) -> None:
     _run_hydra("evaluate", _evaluate, arguments)
 
 
-def _run_hydra(name: str, task: Callable[[DictConfig], None], arguments: Sequence[str]) -> None:
+def _run_hydra(
+    name: str, task: Callable[[DictConfig], float | None], arguments: Sequence[str]
+) -> None:
     # DDP starts its further processes as `python argv[0] argv[1:]`.
     sys.argv = [str(Path(__file__).with_name("train.py")), *arguments]
-    # Lightning calls what torch has renamed; not the user's concern.
-    warnings.filterwarnings("ignore", message=".*LeafSpec.*")
     # Hydra then passes its errors on, and `main` prints them as it prints ours.
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")
     register_schema()
     hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=name)(task)()
 
 
+def _sweep_job(composed: DictConfig) -> float:
+    """One job; its validation score is what a search over hyperparameters maximises."""
+    from deepring.experiment.sweep import run_job
+
+    tune_process()
+    _keep_lightning_quiet()
+    score = None
+    with outcome_noted():
+        cfg = check_config(composed)
+        if in_parallel():
+            silence()
+            cfg.callbacks["progress"] = None
+        score = run_job(cfg, run_folder(cfg))
+    return math.nan if score is None else score
+
+
+@mistakes_reported
 def _train(composed: DictConfig) -> None:
     cfg = check_config(composed)
     from deepring.experiment.train import train
@@ -74,12 +105,14 @@ def _train(composed: DictConfig) -> None:
         show_folder(trained.folder)
 
 
+@mistakes_reported
 def _evaluate(composed: DictConfig) -> None:
     from deepring.experiment.evaluate import evaluate, plan_evaluation
 
     cfg = check_config(composed)
     folder = run_folder(cfg)
-    plan = plan_evaluation(cfg, None if cfg.checkpoint is None else Path(cfg.checkpoint))
+    checkpoint = None if cfg.checkpoint is None else Path(cfg.checkpoint)
+    plan = plan_evaluation(cfg, checkpoint)
     open_run_folder(cfg, folder)
     show(cfg, evaluate(cfg, folder, plan))
     link_latest(folder)
@@ -88,6 +121,8 @@ def _evaluate(composed: DictConfig) -> None:
 
 def _keep_lightning_quiet() -> None:
     """Drop Lightning's tips and device lines; its warnings stay. It sets its level on import."""
+    # It calls what torch has renamed; not the user's concern.
+    warnings.filterwarnings("ignore", message=".*LeafSpec.*")
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
 
 
@@ -107,7 +142,8 @@ def show(cfg: Config, results: list[Result]) -> None:
 
 def show_folder(folder: Path) -> None:
     """Say where everything lies."""
-    console.print(f"results      {folder / 'results.csv'}")
+    if (folder / "results.csv").is_file():
+        console.print(f"results      {folder / 'results.csv'}")
     if (folder / "figures").is_dir():
         console.print(f"pictures     {folder / 'figures'}")
     console.print(f"config       {folder / 'config.yaml'}")

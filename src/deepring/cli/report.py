@@ -30,22 +30,24 @@ def mistakes_reported(command: Callable[P, R]) -> Callable[P, R]:
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
             return command(*args, **kwargs)
-        except (DeepringError, OSError) as error:
-            print(f"error: {error}", file=sys.stderr)
         except KeyboardInterrupt:
             print("interrupted", file=sys.stderr)
             sys.exit(130)
         except Exception as error:
-            if not _about_the_config(error):
+            if not is_mistake(error):
                 raise
-            cause = f"\n{error.__cause__}" if error.__cause__ else ""
+            ours = isinstance(error, DeepringError | OSError)
+            cause = f"\n{error.__cause__}" if error.__cause__ and not ours else ""
             print(f"error: {error}{cause}", file=sys.stderr)
         sys.exit(MISTAKE)
 
     return wrapped
 
 
-def _about_the_config(error: Exception) -> bool:
-    """Whether Hydra or OmegaConf raised it; asked by module, so that neither is imported."""
+def is_mistake(error: Exception) -> bool:
+    """Whether the user can mend it: an error of ours, of the config, or about a file.
+
+    Hydra's and OmegaConf's are told by module, so that neither is imported.
+    """
     modules = {cls.__module__.partition(".")[0] for cls in type(error).__mro__}
-    return bool(modules & {"hydra", "omegaconf"})
+    return isinstance(error, DeepringError | OSError) or bool(modules & {"hydra", "omegaconf"})

@@ -43,10 +43,13 @@ def circular_cross_correlation(queries: Tensor, database: Tensor) -> Match:
     return Match(*correlation_curves(queries, database).max(dim=-1))
 
 
-def shift_to_yaw(shift: Tensor, rows: int) -> Tensor:
-    """Rows to the turn of the points, radians in [-π, π): counter-clockwise, entry -> query."""
-    turn = shift.to(torch.float32) * (2 * math.pi / rows)
-    return torch.remainder(turn + math.pi, 2 * math.pi) - math.pi
+def shift_to_yaw(shift: Tensor, rows: int, period: float = 2 * math.pi) -> Tensor:
+    """Rows to the turn of the points, radians in [-period/2, period/2): entry -> query.
+
+    Counter-clockwise. ``period`` is the range of θ that the rows span.
+    """
+    turn = shift.to(torch.float32) * (period / rows)
+    return torch.remainder(turn + period / 2, period) - period / 2
 
 
 def standardise(descriptor: Tensor) -> Tensor:

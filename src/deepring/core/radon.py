@@ -6,6 +6,7 @@ occupied cells only. θ = 2π k / angles without the end point; τ bins are cent
 """
 
 import math
+from typing import Literal, get_args
 
 import numpy as np
 import torch
@@ -13,8 +14,23 @@ from torch import Tensor
 
 from deepring.errors import DeepringError
 
+Turn = Literal["full", "half"]
+"""The range of θ: [0, 2π), or [0, π), beyond which R(θ + π, τ) = R(θ, -τ) repeats flipped."""
 
-def radon(image: Tensor, angles: int = 120, bins: int | None = None, extent: float = 1.0) -> Tensor:
+
+def expect_turn(name: str, turn: str) -> None:
+    """Raise DeepringError where ``turn`` is no `Turn`."""
+    if turn not in get_args(Turn):
+        raise DeepringError(f"{name}: {turn!r}, expected 'full' or 'half'")
+
+
+def radon(
+    image: Tensor,
+    angles: int = 120,
+    bins: int | None = None,
+    extent: float = 1.0,
+    turn: Turn = "full",
+) -> Tensor:
     """Sinogram (..., angles, bins) float32 of images (..., n, n) indexed [x, y].
 
     Values are line integrals in the unit of ``extent`` (half the image's side). A turn of the
@@ -26,21 +42,26 @@ def radon(image: Tensor, angles: int = 120, bins: int | None = None, extent: flo
 
     Args:
         image: (..., n, n), bool, integer or float.
-        angles: rows of θ over [0, 2π); even, since half a turn gives the other half.
+        angles: rows of θ over the turn; even over a full one, since half of it gives the rest.
         bins: bins of τ over [-extent, extent]; n by default.
         extent: half the side of the image.
+        turn: θ over [0, 2π), 'full', or over [0, π), 'half', in equal steps without the end
+            point. Over half a turn a turn of the image by +π k / angles shifts the rows by +k,
+            and those that pass the end come back flipped in τ.
     """
     if image.ndim < 2 or image.shape[-1] != image.shape[-2]:
         raise DeepringError(f"radon: image of shape {tuple(image.shape)}, expected (..., n, n)")
-    if angles < 2 or angles % 2:
+    expect_turn("radon: turn", turn)
+    if angles < 1 or (turn == "full" and angles % 2):
         raise DeepringError(f"radon: angles={angles}, expected an even number of at least 2")
+    count = angles // 2 if turn == "full" else angles
     size = image.shape[-1]
     bins = size if bins is None else bins
     batch = image.reshape(-1, size, size).to(torch.float32)
     compiled = batch.device.type == "cpu" and not (batch.requires_grad and torch.is_grad_enabled())
-    half = (_half_turn_compiled if compiled else _half_turn)(batch, angles // 2, bins)
-    full = torch.cat([half, half.flip(-1)], dim=-2) * (2 * extent / size)
-    return full.reshape(*image.shape[:-2], angles, bins)
+    rows = (_half_turn_compiled if compiled else _half_turn)(batch, count, bins)
+    rows = torch.cat([rows, rows.flip(-1)], dim=-2) if turn == "full" else rows
+    return (rows * (2 * extent / size)).reshape(*image.shape[:-2], angles, bins)
 
 
 def _directions(count: int) -> tuple[Tensor, Tensor]:

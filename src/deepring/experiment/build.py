@@ -1,11 +1,11 @@
 """From config values to objects: the one place where things are made of a config."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import lightning as L
 import torch
@@ -16,6 +16,7 @@ from lightning.pytorch.loggers import Logger
 from omegaconf import OmegaConf
 
 from deepring.core.ground import Preprocessing
+from deepring.core.radon import Turn
 from deepring.core.rasters import make_raster, raster_settings
 from deepring.data.cache import RasterCache
 from deepring.data.datamodule import PlaceDataModule
@@ -23,7 +24,6 @@ from deepring.data.dataset import PlaceDataset
 from deepring.data.episodes import EpisodeSettings
 from deepring.errors import DeepringError
 from deepring.experiment.config import Config
-from deepring.experiment.run_folder import LinkLatest
 from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.training.module import DeepRingModule
@@ -67,9 +67,11 @@ def test_dataset(cfg: Config) -> PlaceDataset:
     return PlaceDataset(cfg.data)
 
 
-def train_datasets(cfg: Config) -> list[PlaceDataset]:
-    """The datasets to train on: ``train_data``, or ``data`` where that is empty."""
-    chosen = list(cfg.train_data.values()) or [cfg.data]
+def train_datasets(cfg: Config, test: PlaceDataset) -> list[PlaceDataset]:
+    """The datasets to train on: ``train_data``, or that of the test where it is empty."""
+    chosen = list(cfg.train_data.values())
+    if not chosen:
+        return [test]
     names = [config.name for config in chosen]
     if len(set(names)) < len(names):
         raise DeepringError(
@@ -86,9 +88,11 @@ def deepring_settings(cfg: Config) -> DeepRingSettings:
         raster=raster_settings(make_raster(values)),
         angles=r.angles,
         bins=r.bins,
+        turn=cast("Turn", r.turn),  # checked by the representation
         pool=r.pool,
         aggregation=cfg.aggregation.kind,
         normalisation=cfg.similarity.normalisation,
+        similarity=cfg.similarity.kind,
         **plain(cfg.encoder),
     )
 
@@ -122,7 +126,6 @@ def module(cfg: Config, datasets: list[PlaceDataset], settings: DeepRingSettings
     return DeepRingModule(
         settings.to_dict(),
         validation=[dataset.name for dataset in datasets if dataset.has_validation],
-        temperature_scale=cfg.similarity.temperature_scale,
         loss=make(cfg.loss, "loss"),
         optimizer=make_later(cfg.optimizer, "optimizer"),
         scheduler=None if cfg.scheduler is None else make_later(cfg.scheduler, "scheduler"),
@@ -131,10 +134,13 @@ def module(cfg: Config, datasets: list[PlaceDataset], settings: DeepRingSettings
     )
 
 
-def trainer(cfg: Config, folder: Path, *, validated: bool) -> L.Trainer:
+def trainer(
+    cfg: Config, folder: Path, *, validated: bool, further: Sequence[Callback] = ()
+) -> L.Trainer:
     """Lightning's trainer with the configured callbacks and logger, writing below ``folder``.
 
-    Where nothing is held out for validation, the last epoch's weights are the ones kept.
+    ``further`` callbacks follow the configured. Where nothing is held out for validation, the
+    last epoch's weights are the ones kept.
     """
     if str(cfg.trainer.precision) not in PRECISIONS:
         raise DeepringError(
@@ -146,13 +152,14 @@ def trainer(cfg: Config, folder: Path, *, validated: bool) -> L.Trainer:
         log.warning("no validation split: the weights of the last epoch are kept")
         for node in nodes.values():
             node.pop("monitor", None)
-    callbacks: list[Callback] = [make(node, f"callbacks.{name}") for name, node in nodes.items()]
-    callbacks.append(LinkLatest(folder))
+    callbacks = [make(node, f"callbacks.{name}") for name, node in nodes.items()]
     logger: Logger | bool = False if cfg.logger is None else make(cfg.logger, "logger")
     return make(
         cfg.trainer,
         "trainer",
-        callbacks=callbacks,
+        callbacks=[*callbacks, *further],
+        # Without a bar of its own Lightning would draw another.
+        enable_progress_bar=nodes.get("progress") is not None,
         logger=logger,
         default_root_dir=str(folder),
         # Each process draws its own episodes; see EpisodeOrder.

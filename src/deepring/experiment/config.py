@@ -32,6 +32,8 @@ class RepresentationConfig:
     raster: dict[str, Any] = field(default_factory=lambda: {"kind": "bev"})
     angles: int | None = 120
     bins: int | None = 120
+    #: Range of a sinogram's θ: 'full', [0, 2π), or 'half', [0, π).
+    turn: str = "full"
     pool: int = 1
 
 
@@ -54,10 +56,10 @@ class AggregationConfig:
 
 @dataclass
 class SimilarityConfig:
-    """Normalisation of the descriptor, and the start of the classifier's W."""
+    """What compares two descriptors, and how a descriptor is normalised before."""
 
+    kind: str = "correlation"
     normalisation: str = "unit"
-    temperature_scale: float = 100.0
 
 
 @dataclass
@@ -87,6 +89,8 @@ class Config:
     """Everything a run is made of."""
 
     experiment_name: str = "train"
+    #: The last part of a sweep's folder name.
+    sweep_name: str = "sweep"
     seed: int = 0
     #: The dataset to test on, and to train on unless train_data names others.
     data: DatasetConfig = field(default_factory=DatasetConfig)
@@ -130,6 +134,16 @@ def counted_over(cfg: Config) -> Over:
     if over not in get_args(Over):
         raise DeepringError(f"evaluation.over: {over!r}, expected 'answerable' or 'all'")
     return cast("Over", over)
+
+
+def flattened(node: Any, prefix: str = "") -> dict[str, Any]:
+    """Nested dicts as one with dotted keys, for comparing and for listing; empty ones vanish."""
+    if not isinstance(node, dict):
+        return {prefix: node}
+    flat: dict[str, Any] = {}
+    for key, value in node.items():
+        flat |= flattened(value, f"{prefix}.{key}" if prefix else str(key))
+    return flat
 
 
 def register_schema() -> None:

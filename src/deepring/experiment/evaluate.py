@@ -2,10 +2,8 @@
 
 import logging
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -19,7 +17,7 @@ from deepring.evaluation.results import Result, write_results
 from deepring.evaluation.retrieval import describe_all
 from deepring.evaluation.tables import markdown, markdown_radii
 from deepring.experiment import build
-from deepring.experiment.config import Config, counted_over
+from deepring.experiment.config import Config, counted_over, flattened
 from deepring.experiment.pictures import evaluation_figures
 from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRing
@@ -41,13 +39,21 @@ class Plan:
     split: RetrievalSet
 
 
-def plan_evaluation(cfg: Config, checkpoint: Path | None = None, *, after: bool = False) -> Plan:
+def plan_evaluation(
+    cfg: Config,
+    checkpoint: Path | None = None,
+    dataset: PlaceDataset | None = None,
+    *,
+    after: bool = False,
+) -> Plan:
     """Build the methods and open the test data. Raises DeepringError on a user's mistake.
 
-    ``after`` says that a network is yet to be trained, so that there may be none but it.
+    ``dataset`` is the one to test on, where it is open already; ``after`` says that a network is
+    yet to be trained, so that there may be none but it.
     """
-    network, trained_on = (None, "") if checkpoint is None else load_deepring(checkpoint)
-    if network is not None:
+    network, trained_on = None, ""
+    if checkpoint is not None:
+        network, trained_on, _ = load_deepring(checkpoint)
         network.to(build.device(cfg))
         adopt_settings(cfg, network)
     methods = build.methods(cfg, network)
@@ -56,7 +62,7 @@ def plan_evaluation(cfg: Config, checkpoint: Path | None = None, *, after: bool 
             "methods: nothing to evaluate; give checkpoint=FILE or a method such as "
             "+method@methods.ring=ring"
         )
-    dataset = build.test_dataset(cfg)
+    dataset = build.test_dataset(cfg) if dataset is None else dataset
     split = dataset.retrieval(cfg.evaluation.region)
     if network is None and not after:
         log.info("no checkpoint=FILE given: DeepRING is left out")
@@ -93,7 +99,8 @@ def adopt_settings(cfg: Config, network: DeepRing) -> None:
     another one for the other methods, that is said.
     """
     settings = network.settings.to_dict()
-    log.info("the network is as its checkpoint states: %s", settings)
+    if settings != build.deepring_settings(cfg).to_dict():
+        log.info("the network is as its checkpoint states: %s", settings)
     own = settings["raster"].pop("preprocessing")
     if own != build.preprocessing_settings(cfg):
         log.warning(
@@ -103,11 +110,12 @@ def adopt_settings(cfg: Config, network: DeepRing) -> None:
             build.preprocessing_settings(cfg),
         )
     cfg.representation.raster = settings["raster"]
-    for key in ("angles", "bins", "pool"):
+    for key in ("angles", "bins", "turn", "pool"):
         setattr(cfg.representation, key, settings[key])
     for key in ("widths", "convolutions", "norm", "tau_padding"):
         setattr(cfg.encoder, key, settings[key])
     cfg.aggregation.kind = settings["aggregation"]
+    cfg.similarity.kind = settings["similarity"]
     cfg.similarity.normalisation = settings["normalisation"]
 
 
@@ -118,8 +126,11 @@ def evaluate(cfg: Config, folder: Path, plan: Plan) -> list[Result]:
     """
     split, network = plan.split, plan.network
     outcomes: list[tuple[Outcome, Task]] = []
+    tasks: dict[Raster, Task] = {}  # methods of one raster share its images
     for name, method in plan.methods.items():
-        task = load_task(cfg, split, method.raster)
+        if method.raster not in tasks:
+            tasks[method.raster] = load_task(cfg, split, method.raster)
+        task = tasks[method.raster]
         train = plan.trained_on if method is network else ""
         log.info("%s: %d queries in %d places", name, len(task.query), len(task.database))
         with progress_bar(f"{name}: describing and looking up") as bar:
@@ -163,18 +174,15 @@ def add_database_embedding(board: Path, network: Method, task: Task) -> None:
     add_descriptors(board, descriptors, labels)
 
 
+#: What TensorBoard's HPARAMS page tells runs apart by, besides the seed and the data.
+VARIED = ("representation", "encoder", "aggregation", "similarity", "loss", "episode", "optimizer")
+
+
 def hyperparameters(cfg: Config) -> dict[str, bool | str | float | int]:
     """What a sweep varies, flat, for TensorBoard's HPARAMS page."""
-    flat: dict[str, bool | str | float | int] = {"seed": cfg.seed, "data": cfg.data.name}
-    for group in ("representation", "encoder", "aggregation", "similarity", "episode"):
-        _flatten(group, build.plain(getattr(cfg, group)), flat)
-    return flat
-
-
-def _flatten(prefix: str, values: Mapping[str, Any], flat: dict[str, Any]) -> None:
-    for key, value in values.items():
-        if isinstance(value, Mapping):
-            _flatten(f"{prefix}.{key}", value, flat)
-        else:
-            known = isinstance(value, bool | str | float | int)
-            flat[f"{prefix}.{key}"] = value if known else str(value)
+    groups = {name: build.plain(getattr(cfg, name)) for name in VARIED}
+    values = {"seed": cfg.seed, "data": cfg.data.name, **flattened(groups)}
+    return {
+        key: value if isinstance(value, bool | str | float | int) else str(value)
+        for key, value in values.items()
+    }

@@ -1,6 +1,7 @@
 """DeepRING: sinogram, circular UNet, row-wise DFT magnitude, circular cross-correlation."""
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -13,10 +14,12 @@ from deepring.core.correlation import (
     standardise,
     unit_norm,
 )
+from deepring.core.radon import Turn
 from deepring.core.rasters import BevRaster, Raster, make_raster, raster_settings
+from deepring.core.similarity import cosine, negative_distance
 from deepring.errors import DeepringError
 from deepring.methods.base import Comparison
-from deepring.nn.aggregation import AGGREGATIONS, channels_for
+from deepring.nn.aggregation import AGGREGATIONS, ROTATION_INVARIANT, channels_for
 from deepring.nn.circular import TauPadding
 from deepring.nn.representation import make_representation
 from deepring.nn.unet import CircularUNet
@@ -31,6 +34,11 @@ NORMALISATIONS: dict[str, Callable[[Tensor], Tensor]] = {
 Both are taken over the weighted half spectrum. For the norm that is the full one's; the mean of
 'standard' is a choice of its own."""
 
+SIMILARITIES = ("correlation", "l2", "cosine")
+"""Of two descriptors: correlation at the best rotation, or a distance that knows of none."""
+
+_PERIOD = {"full": 2 * math.pi, "half": math.pi}
+
 
 @dataclass(frozen=True)
 class DeepRingSettings:
@@ -39,6 +47,7 @@ class DeepRingSettings:
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(BevRaster()))
     angles: int | None = 120  # of the sinogram; None for the other rasters
     bins: int | None = 120
+    turn: Turn = "full"
     pool: int = 1
     widths: Sequence[int] = (64, 128, 256, 512)
     convolutions: int = 2
@@ -46,6 +55,7 @@ class DeepRingSettings:
     tau_padding: TauPadding = "circular"
     aggregation: str = "dft"
     normalisation: str = "unit"
+    similarity: str = "correlation"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "widths", tuple(self.widths))
@@ -75,9 +85,15 @@ class DeepRing(nn.Module):
         self.settings = settings = DeepRingSettings() if settings is None else settings
         _expect("similarity.normalisation", settings.normalisation, NORMALISATIONS)
         _expect("aggregation.kind", settings.aggregation, AGGREGATIONS)
+        _expect("similarity.kind", settings.similarity, SIMILARITIES)
+        if settings.similarity == "correlation" and settings.aggregation in ROTATION_INVARIANT:
+            raise DeepringError(
+                f"similarity.kind: 'correlation' with aggregation.kind: {settings.aggregation!r}, "
+                "whose rows are no directions to search over; take similarity=l2 or cosine"
+            )
         self._raster = make_raster(settings.raster)
         self.representation = make_representation(
-            self._raster, settings.angles, settings.bins, settings.pool
+            self._raster, settings.angles, settings.bins, settings.pool, settings.turn
         )
         columns = self.representation.columns
         self.encoder = CircularUNet(
@@ -86,6 +102,7 @@ class DeepRing(nn.Module):
             convolutions=settings.convolutions,
             norm=settings.norm,
             tau_padding=settings.tau_padding,
+            turn=settings.turn,
         )
         self.aggregate = AGGREGATIONS[settings.aggregation]
         self.normalise = NORMALISATIONS[settings.normalisation]
@@ -112,11 +129,24 @@ class DeepRing(nn.Module):
             self.train(training)
 
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
-        """Correlation at the best rotation (Eq. 8), and that rotation."""
+        """Correlation at the best rotation (Eq. 8), and that rotation; L2 and cosine find none.
+
+        Over half a turn the rotation is known up to 180°.
+        """
+        match self.settings.similarity:
+            case "l2":
+                return Comparison(negative_distance(queries, database), None)
+            case "cosine":
+                return Comparison(cosine(queries, database), None)
         match = circular_cross_correlation(queries, database)
-        return Comparison(match.score, shift_to_yaw(match.shift, queries.shape[-2]))
+        period = _PERIOD[self.settings.turn]
+        return Comparison(match.score, shift_to_yaw(match.shift, queries.shape[-2], period))
+
+    def score(self, queries: Tensor, database: Tensor) -> Tensor:
+        """The scores of `compare`, (q, d)."""
+        return self.compare(queries, database).score
 
 
-def _expect(name: str, value: str, choices: dict[str, Any]) -> None:
+def _expect(name: str, value: str, choices: Collection[str]) -> None:
     if value not in choices:
         raise DeepringError(f"{name}: {value!r}, expected one of {', '.join(choices)}")

@@ -7,13 +7,18 @@ from collections.abc import Callable
 
 from torch import Tensor
 
-from deepring.core.spectrum import row_dft_magnitude
+from deepring.core.spectrum import column_dft_magnitude, row_dft_magnitude
 
 
 def dft(feature: Tensor) -> Tensor:
     """Row-wise DFT magnitude: translation leaves with the phase."""
     magnitude = row_dft_magnitude(feature)
     return magnitude.transpose(1, 2).flatten(2)
+
+
+def dft2(feature: Tensor) -> Tensor:
+    """A second DFT magnitude, along θ: rotation leaves too, and no row has a direction any more."""
+    return column_dft_magnitude(dft(feature))
 
 
 def gap(feature: Tensor) -> Tensor:
@@ -28,10 +33,14 @@ def gmp(feature: Tensor) -> Tensor:
 
 AGGREGATIONS: dict[str, Callable[[Tensor], Tensor]] = {
     "dft": dft,
+    "dft2": dft2,
     "gap": gap,
     "gmp": gmp,
     "multi_gap": gap,
 }
+
+ROTATION_INVARIANT = ("dft2",)
+"""Aggregations whose rows are no directions, so that there is no rotation to search over."""
 
 
 def channels_for(aggregation: str, bins: int) -> int:

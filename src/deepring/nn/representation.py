@@ -4,7 +4,7 @@ representations. They have no parameters; they run where the batch lies, CPU or 
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from deepring.core.radon import radon
+from deepring.core.radon import Turn, expect_turn, radon
 from deepring.core.rasters import BevRaster, PolarRaster, RangeRaster, Raster
 from deepring.errors import DeepringError
 
@@ -14,11 +14,14 @@ class Sinogram(nn.Module):
 
     ``pool`` averages neighbouring rows and bins, which costs resolution and saves time. Values
     are divided by half the field of view: a row's value is the share of occupied cells along
-    half a line through the centre.
+    half a line through the centre. Over half a turn the angles step half as far.
     """
 
-    def __init__(self, angles: int = 120, bins: int = 120, pool: int = 1) -> None:
+    def __init__(
+        self, angles: int = 120, bins: int = 120, pool: int = 1, turn: Turn = "full"
+    ) -> None:
         super().__init__()
+        expect_turn("representation.turn", turn)
         if angles < 2 or angles % 2:
             raise DeepringError(f"representation.angles: {angles}, expected an even number")
         if pool < 1 or angles % pool or bins % pool:
@@ -26,7 +29,7 @@ class Sinogram(nn.Module):
                 f"representation.pool: {pool}, expected a divisor of "
                 f"angles={angles} and bins={bins}"
             )
-        self.angles, self.bins, self.pool = angles, bins, pool
+        self.angles, self.bins, self.pool, self.turn = angles, bins, pool, turn
 
     @property
     def rows(self) -> int:
@@ -40,7 +43,7 @@ class Sinogram(nn.Module):
 
     def forward(self, raster: Tensor) -> Tensor:
         """Sinograms of the batch."""
-        sinogram = radon(raster, self.angles, self.bins)[:, None]
+        sinogram = radon(raster, self.angles, self.bins, turn=self.turn)[:, None]
         return F.avg_pool2d(sinogram, self.pool) if self.pool > 1 else sinogram
 
 
@@ -73,9 +76,13 @@ class PolarImage(nn.Module):
 
 
 def make_representation(
-    raster: Raster, angles: int | None = 120, bins: int | None = 120, pool: int = 1
+    raster: Raster,
+    angles: int | None = 120,
+    bins: int | None = 120,
+    pool: int = 1,
+    turn: Turn = "full",
 ) -> Sinogram | PolarImage:
-    """The representation that goes with a raster; angles and bins are the sinogram's alone."""
+    """The representation that goes with a raster; angles, bins, turn are the sinogram's alone."""
     match raster:
         case BevRaster():
             if angles is None or bins is None:
@@ -83,12 +90,17 @@ def make_representation(
                     f"representation.angles: {angles}, representation.bins: {bins}; "
                     "a sinogram needs both"
                 )
-            return Sinogram(angles, bins, pool)
+            return Sinogram(angles, bins, pool, turn)
         case PolarRaster() | RangeRaster():
             if angles is not None or bins is not None:
                 raise DeepringError(
                     f"representation.angles: {angles}, representation.bins: {bins}; expected null, "
                     f"since the rows and columns of a {type(raster).__name__} are its raster's"
+                )
+            if turn != "full":
+                raise DeepringError(
+                    f"representation.turn: {turn!r}, expected 'full': only a sinogram repeats "
+                    "itself after half a turn"
                 )
             return PolarImage(*raster.shape, pool)
     raise DeepringError(f"representation: no network takes a {type(raster).__name__}")

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
+from deepring.core.radon import Turn
 from deepring.errors import DeepringError
 from deepring.nn.circular import CircularConv2d, TauPadding, circular_upsample
 
@@ -25,13 +26,19 @@ class Block(nn.Sequential):
     """``convolutions`` times circular 3x3 convolution, normalisation, ReLU."""
 
     def __init__(
-        self, in_channels: int, out_channels: int, convolutions: int, norm: str, tau: TauPadding
+        self,
+        in_channels: int,
+        out_channels: int,
+        convolutions: int,
+        norm: str,
+        tau: TauPadding,
+        turn: Turn,
     ) -> None:
         layers: list[nn.Module] = []
         for k in range(convolutions):
             source = in_channels if k == 0 else out_channels
             layers += [
-                CircularConv2d(source, out_channels, 3, tau, bias=norm == "none"),
+                CircularConv2d(source, out_channels, 3, tau, turn, bias=norm == "none"),
                 _normalisation(norm, out_channels),
                 nn.ReLU(inplace=True),
             ]
@@ -51,6 +58,8 @@ class CircularUNet(nn.Module):
         convolutions: 3x3 convolutions a block.
         norm: 'batch', 'group' or 'none'.
         tau_padding: how τ is padded, 'circular' (the paper's Eq. 5) or 'zero'.
+        turn: range of θ, 'full' or 'half'; over half a turn kernels are symmetric in τ and an
+            even number of τ bins at each level keeps the flip exact.
     """
 
     def __init__(
@@ -61,6 +70,7 @@ class CircularUNet(nn.Module):
         convolutions: int = 2,
         norm: str = "batch",
         tau_padding: TauPadding = "circular",
+        turn: Turn = "full",
     ) -> None:
         super().__init__()
         if not widths or min(widths) < 1 or convolutions < 1:
@@ -68,15 +78,15 @@ class CircularUNet(nn.Module):
                 f"encoder: widths={list(widths)}, convolutions={convolutions}; "
                 "expected at least one level, channel and convolution"
             )
-        self.tau = tau_padding
+        self.tau, self.turn = tau_padding, turn
         self.stride = 2 ** (len(widths) - 1)
         sources = [in_channels, *widths[:-1]]
         self.down = nn.ModuleList(
-            Block(a, b, convolutions, norm, tau_padding)
+            Block(a, b, convolutions, norm, tau_padding, turn)
             for a, b in zip(sources, widths, strict=True)
         )
         self.up = nn.ModuleList(
-            Block(deep + skip, skip, convolutions, norm, tau_padding)
+            Block(deep + skip, skip, convolutions, norm, tau_padding, turn)
             for deep, skip in zip(widths[:0:-1], widths[-2::-1], strict=True)
         )
         self.pool = nn.MaxPool2d(2)
@@ -97,5 +107,5 @@ class CircularUNet(nn.Module):
             x = self.pool(x)
         x = self.down[-1](x)
         for block, skip in zip(self.up, reversed(skips), strict=True):
-            x = block(torch.cat([circular_upsample(x, self.tau), skip], dim=1))
+            x = block(torch.cat([circular_upsample(x, self.tau, self.turn), skip], dim=1))
         return self.head(x)

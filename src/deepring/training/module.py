@@ -15,7 +15,7 @@ from deepring.errors import DeepringError
 from deepring.evaluation.metrics import PlaceAUC, RecallAtK
 from deepring.evaluation.retrieval import describe_all
 from deepring.methods.deepring import DeepRing, DeepRingSettings
-from deepring.training.classifier import OneShotClassifier
+from deepring.training.losses import OneShotCrossEntropy
 
 MakeOptimizer = Callable[[Iterable[nn.Parameter]], torch.optim.Optimizer]
 MakeScheduler = Callable[[torch.optim.Optimizer], torch.optim.lr_scheduler.LRScheduler]
@@ -27,8 +27,8 @@ class DeepRingModule(L.LightningModule):
     Args:
         settings: a `DeepRingSettings` as a plain dict; with the weights it is the checkpoint.
         validation: names of the validation sets, in the order of their loaders.
-        temperature_scale: the start of W.
-        loss: of logits (n, ways) and targets (n,).
+        loss: of an episode's descriptors, such as those in `deepring.training.losses`; the
+            paper's cross-entropy by default.
         optimizer: makes the optimizer of the parameters.
         scheduler: makes its schedule, stepped once an epoch; None keeps the rate.
         radius: revisit radius of the validation metrics, metres.
@@ -39,7 +39,6 @@ class DeepRingModule(L.LightningModule):
         self,
         settings: dict[str, Any],
         validation: list[str] | None = None,
-        temperature_scale: float = 100.0,
         loss: nn.Module | None = None,
         optimizer: MakeOptimizer | None = None,
         scheduler: MakeScheduler | None = None,
@@ -48,30 +47,30 @@ class DeepRingModule(L.LightningModule):
     ) -> None:
         super().__init__()
         # Plain values only: a checkpoint must load with weights_only=True.
-        self.save_hyperparameters("settings", "temperature_scale", "trained_on", logger=False)
+        self.save_hyperparameters("settings", "trained_on", logger=False)
         self.method = DeepRing(DeepRingSettings.from_dict(settings))
-        self.classifier = OneShotClassifier(temperature_scale)
-        self.loss = nn.CrossEntropyLoss() if loss is None else loss
+        self.loss = OneShotCrossEntropy() if loss is None else loss
+        self.hparams["loss"] = type(self.loss).__name__
         self.make_optimizer, self.make_scheduler = optimizer, scheduler
         self.validation = validation or []
         self.recalls = nn.ModuleList(RecallAtK(1, radius) for _ in self.validation)
         self.aucs = nn.ModuleList(PlaceAUC(radius) for _ in self.validation)
 
     def training_step(self, episode: Episode, _: int) -> Tensor:
-        """Classify each query of the episode among its ways."""
+        """Compare each query of the episode with its ways."""
         ways, shots = episode.support.shape[:2]
         queries = episode.query.shape[1]
         rasters = torch.cat([episode.support.flatten(0, 1), episode.query.flatten(0, 1)])
         descriptors = self.method(rasters)
         support, query = descriptors[: ways * shots], descriptors[ways * shots :]
-        logits = self.classifier(query, support.unflatten(0, (ways, shots)))
-        targets = torch.arange(ways, device=logits.device).repeat_interleave(queries)
-        loss: Tensor = self.loss(logits, targets)
-        accuracy = (logits.argmax(dim=-1) == targets).float().mean()
-        self.log("train/loss", loss, prog_bar=True)
+        targets = torch.arange(ways, device=query.device).repeat_interleave(queries)
+        value = self.loss(query, support.unflatten(0, (ways, shots)), targets, self.method.score)
+        accuracy = (value.scores.argmax(dim=-1) == targets).float().mean()
+        self.log("train/loss", value.loss, prog_bar=True)
         self.log("train/accuracy", accuracy, prog_bar=True)
-        self.log("train/W", self.classifier.weight.detach())
-        return loss
+        if isinstance(self.loss, OneShotCrossEntropy):
+            self.log("train/W", self.loss.classifier.weight.detach())
+        return value.loss
 
     def validation_step(self, batch: RetrievalBatch, _: int, dataloader_idx: int = 0) -> None:
         """Look the validation queries up in the validation database."""
@@ -108,6 +107,8 @@ class TrainedNetwork(NamedTuple):
     """In evaluation mode, with the preprocessing it was trained with."""
     trained_on: str
     """Names of the training datasets, joined by '+'."""
+    loss: str
+    """Class name of the loss."""
 
 
 def load_deepring(checkpoint: Path | str) -> TrainedNetwork:
@@ -137,4 +138,4 @@ def load_deepring(checkpoint: Path | str) -> TrainedNetwork:
         raise DeepringError(
             f"checkpoint: {path} is no DeepRING checkpoint of this version ({type(error).__name__})"
         ) from error
-    return TrainedNetwork(method.eval(), str(kept["trained_on"]))
+    return TrainedNetwork(method.eval(), str(kept["trained_on"]), str(kept["loss"]))

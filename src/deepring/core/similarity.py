@@ -1,0 +1,22 @@
+"""Similarities without a search over rotations: Euclidean distance and cosine."""
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+
+def negative_distance(queries: Tensor, database: Tensor) -> Tensor:
+    """-‖Q - D‖ for all pairs: (q, ...) and (d, ...) -> (q, d) float32, at most 0.
+
+    Differences are taken first and squared then: the expansion into products would lose four
+    digits on descriptors of unit norm that lie close together.
+    """
+    q, d = queries.flatten(1).float(), database.flatten(1).float()
+    return -torch.cdist(q, d, compute_mode="donot_use_mm_for_euclid_dist")
+
+
+def cosine(queries: Tensor, database: Tensor) -> Tensor:
+    """Cosine of the angle between all pairs: (q, ...) and (d, ...) -> (q, d), in [-1, 1]."""
+    q = F.normalize(queries.flatten(1).float(), dim=1)
+    d = F.normalize(database.flatten(1).float(), dim=1)
+    return q @ d.T

@@ -1,0 +1,72 @@
+"""One job of a sweep: skipped where it has finished, gone on with where it was killed."""
+
+import logging
+from pathlib import Path
+from typing import Any, cast
+
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
+
+from deepring.errors import DeepringError
+from deepring.experiment.config import Config, flattened
+from deepring.experiment.status import read_status, sole_worker
+from deepring.experiment.train import train
+
+log = logging.getLogger(__name__)
+
+#: What may differ between a run and its going on: where it lies and what it shows.
+IGNORED = ("resume", "paths", "workers", "callbacks", "logger", "experiment_name", "sweep_name")
+
+
+def run_job(cfg: Config, folder: Path) -> float | None:
+    """Train in ``folder`` unless that is done; the validation score of what was trained.
+
+    A folder with a checkpoint goes on from the last one. Raises DeepringError where the folder
+    holds a run of another config, which is left as it is, and where another process is at it.
+    """
+    _check_alone(cfg)
+    with sole_worker(folder):
+        kept = folder / "config.yaml"
+        if kept.is_file():
+            _check_same(cfg, kept)
+        status = read_status(folder)
+        if status is not None and status.state == "finished":
+            log.info("finished before: skipped")
+            return status.score
+        last = folder / "checkpoints" / "last.ckpt"
+        if last.is_file():
+            log.info("going on from %s", last)
+            cfg.resume = str(last)
+        return train(cfg, folder, latest=False).score
+
+
+def _check_alone(cfg: Config) -> None:
+    devices, nodes = cfg.trainer.devices, cfg.trainer.num_nodes
+    if (devices, nodes) != (1, 1):
+        raise DeepringError(
+            f"trainer.devices: {devices}, trainer.num_nodes: {nodes}; a sweep gives each job one "
+            "device: expected 1 and 1 with -m; train a single run on several without -m"
+        )
+
+
+def _check_same(cfg: Config, path: Path) -> None:
+    """Refuse a folder whose config is another one."""
+    try:
+        kept = OmegaConf.to_container(OmegaConf.load(path), resolve=True)
+    except (OmegaConfBaseException, YAMLError, OSError) as error:
+        raise DeepringError(f"{path}: {error}; expected the config of a run") from None
+    asked = OmegaConf.to_container(cast("Any", cfg), resolve=True)
+    before, now = flattened(kept), flattened(asked)
+    keys = sorted(
+        key
+        for key in before.keys() | now.keys()
+        if key.partition(".")[0] not in IGNORED and before.get(key) != now.get(key)
+    )
+    if keys:
+        changes = "; ".join(f"{key}: {before.get(key)}, now {now.get(key)}" for key in keys[:5])
+        more = f"; and {len(keys) - 5} more" if len(keys) > 5 else ""
+        raise DeepringError(
+            f"{path.parent} holds a run of another config: {changes}{more}; give this sweep a "
+            "name of its own with sweep_name=NAME, or delete that folder"
+        )
