@@ -48,7 +48,6 @@ def train_command(arguments: Sequence[str]) -> None:
     resumed = [a.partition("=")[2] for a in arguments if a.startswith("resume=")]
     if resumed and (folder := run_of(Path(resumed[-1]))) is not None:
         arguments = [*arguments, f"hydra.run.dir={folder}"]
-        warnings.filterwarnings("ignore", message="Checkpoint directory .* exists")
     _run_hydra("train", _train, arguments)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.errors import OverrideParseException
+from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
@@ -44,7 +44,7 @@ def naming(arguments: Sequence[str], ablations: Path) -> list[str]:
             continue
         try:
             override = parser.parse_override(argument)
-        except OverrideParseException:
+        except HydraException:
             continue  # Hydra will say what is wrong
         key = override.get_key_element()
         if key == "ablation" and not override.is_sweep_override():
@@ -112,7 +112,8 @@ def report_sweep() -> None:
         print(f"failed       {outcome['name']}: {outcome['error']}", file=sys.stderr)
     place = folder.parent
     shown = place.relative_to(Path.cwd()) if place.is_relative_to(Path.cwd()) else place
-    console.print(f"tables       deepring tables {shown}")
+    if any((Path(outcome["folder"]) / "results.csv").is_file() for outcome in outcomes):
+        console.print(f"tables       deepring tables {shown}")
     console.print(f"tensorboard  tensorboard --logdir {shown}")
     if failed:
         console.print("the same command goes on with what is left")

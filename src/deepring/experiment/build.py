@@ -26,6 +26,7 @@ from deepring.errors import DeepringError
 from deepring.experiment.config import Config
 from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.training.epoch_lines import EpochLines
 from deepring.training.module import DeepRingModule
 
 log = logging.getLogger(__name__)
@@ -153,13 +154,15 @@ def trainer(
         for node in nodes.values():
             node.pop("monitor", None)
     callbacks = [make(node, f"callbacks.{name}") for name, node in nodes.items()]
+    if "progress" not in nodes:
+        callbacks.append(EpochLines())
     logger: Logger | bool = False if cfg.logger is None else make(cfg.logger, "logger")
     return make(
         cfg.trainer,
         "trainer",
         callbacks=[*callbacks, *further],
         # Without a bar of its own Lightning would draw another.
-        enable_progress_bar=nodes.get("progress") is not None,
+        enable_progress_bar="progress" in nodes,
         logger=logger,
         default_root_dir=str(folder),
         # Each process draws its own episodes; see EpisodeOrder.

@@ -1,6 +1,7 @@
 """Train DeepRING: the function one reads from top to bottom."""
 
 import logging
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -77,6 +78,8 @@ def _fit(
     resume: str | None,
     folder: Path,
 ) -> None:
+    if resume is not None:  # then the run's own checkpoints lie there
+        warnings.filterwarnings("ignore", message="Checkpoint directory .* exists")
     try:
         trainer.fit(module, datamodule=datamodule, ckpt_path=resume, weights_only=True)
     except SystemExit:  # how Lightning ends on Ctrl-C

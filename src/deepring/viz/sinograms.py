@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from deepring.errors import DeepringError
 from deepring.viz.style import INK, PALETTE, SMALL_SIZE, dress, new_figure
 
-_ANGLES = (0, 90, 180, 270, 360)
-
 
 def sinogram_figure(
     bev: ArrayLike,
@@ -18,6 +16,7 @@ def sinogram_figure(
     correlation: ArrayLike,
     extent: float,
     true_yaw: float | None = None,
+    period: float = 360.0,
 ) -> Figure:
     """BEV, sinogram, the sinogram of a turned twin, and the correlation over all shifts.
 
@@ -25,11 +24,12 @@ def sinogram_figure(
 
     Args:
         bev: (n, n) indexed [x, y], x forward and y left; drawn as seen from above, x upwards.
-        sinogram: (θ, τ) of ``bev``, θ over [0, 360°) without the end point.
+        sinogram: (θ, τ) of ``bev``, θ over [0, ``period``) without the end point.
         turned: (θ, τ) of the twin.
         correlation: (θ,) of the twin with the scan, entry k for a shift by +k rows.
         extent: half the side of the BEV, metres; τ runs over [-extent, extent].
         true_yaw: counter-clockwise turn of the twin in degrees, marked where given.
+        period: degrees that the rows span, 360, or 180 for a sinogram over half a turn.
 
     Raises:
         DeepringError: shapes that do not fit.
@@ -43,8 +43,8 @@ def sinogram_figure(
     for column, (image, name) in enumerate(
         ((sinogram, "Sinogram"), (turned, "Sinogram of the turned twin")), 1
     ):
-        _draw_sinogram(figure.add_subplot(grid[0, column]), image, name, extent, top)
-    _draw_correlation(figure.add_subplot(grid[1, :]), correlation, true_yaw)
+        _draw_sinogram(figure.add_subplot(grid[0, column]), image, name, extent, top, period)
+    _draw_correlation(figure.add_subplot(grid[1, :]), correlation, true_yaw, period)
     return figure
 
 
@@ -56,29 +56,33 @@ def _draw_bev(axes: Axes, bev: NDArray, extent: float) -> None:
     dress(axes, "Bird's-eye view", "y, left (m)", "x, forward (m)", grid=False)
 
 
-def _draw_sinogram(axes: Axes, image: NDArray, name: str, extent: float, top: float) -> None:
-    box = (-extent, extent, 360.0, 0.0)
+def _draw_sinogram(
+    axes: Axes, image: NDArray, name: str, extent: float, top: float, period: float
+) -> None:
+    box = (-extent, extent, period, 0.0)
     axes.imshow(image, cmap="magma", vmin=0, vmax=top, extent=box, aspect="auto")
     axes.set_box_aspect(1)  # as large as the bird's-eye view
     dress(axes, name, "τ (m)", "θ (°)", grid=False)
-    axes.set_yticks(_ANGLES)
+    axes.set_yticks(np.linspace(0, period, 5))
 
 
-def _draw_correlation(axes: Axes, correlation: NDArray, true_yaw: float | None) -> None:
+def _draw_correlation(
+    axes: Axes, correlation: NDArray, true_yaw: float | None, period: float
+) -> None:
     rows = len(correlation)
     peak = int(correlation.argmax())
-    angle = 360 * peak / rows
-    # the first value again at 360°, since the shift is circular
-    degrees, values = np.arange(rows + 1) * 360 / rows, np.append(correlation, correlation[0])
+    angle = period * peak / rows
+    # the first value again at the end, since the shift is circular
+    degrees, values = np.arange(rows + 1) * period / rows, np.append(correlation, correlation[0])
     axes.plot(degrees, values, color=PALETTE[0], linewidth=1.6)
     dress(axes, "Correlation over all shifts", "shift (°)", "correlation")
     if true_yaw is not None:
-        label = f"true yaw {true_yaw % 360:.1f}°"
-        axes.axvline(true_yaw % 360, color=INK, linestyle="--", linewidth=1.1, label=label)
+        label = f"true yaw {true_yaw % period:.1f}°"
+        axes.axvline(true_yaw % period, color=INK, linestyle="--", linewidth=1.1, label=label)
     label = f"peak {angle:.0f}° ({peak} of {rows} rows)"
     axes.plot(angle, correlation[peak], "o", color=PALETTE[1], markersize=7, label=label)
-    axes.set_xlim(0, 360)
-    axes.set_xticks(range(0, 361, 45))
+    axes.set_xlim(0, period)
+    axes.set_xticks(np.linspace(0, period, 9))
     axes.margins(y=0.15)
     axes.legend(loc="best", fontsize=SMALL_SIZE, frameon=False)
 

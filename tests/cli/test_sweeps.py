@@ -1,0 +1,132 @@
+"""`deepring train -m` as a user types it: names, failures, a kill, launchers, a search."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from test_cli import SMALL, deepring, refused
+
+from deepring.cli.experiments import config_folder
+from deepring.cli.sweeps import naming
+from deepring.evaluation.results import read_results
+
+QUICK = [*SMALL, "evaluation.figures=false"]
+
+
+def rates(sweep):
+    """What the tables are made of: the rates of every job of a sweep folder."""
+    return {
+        folder.name: [
+            (r.radius_m, r.recall_1, r.recall_5, r.f1_max, r.auc)
+            for r in read_results(folder / "results.csv")
+        ]
+        for folder in sorted(sweep.iterdir())
+        if (folder / "results.csv").is_file()
+    }
+
+
+def test_folders_are_named_after_what_is_varied():
+    def excluded(*arguments):
+        (override,) = naming(arguments, config_folder() / "ablation")
+        return override.partition("=")[2]
+
+    assert excluded("-m", "seed=0,1", "experiment=demo") == '["experiment"]'
+    assert excluded("-m", "optimizer.lr=0.1,0.2", "data.root=/a=b") == "[]"  # Hydra refuses it
+    assert excluded("-m", "ablation=table3", "variant=pg", "seed=0") == '["ablation"]'
+    assert excluded("-m", "variant=pg", "ablation=way") == '["variant","ablation"]'
+    assert excluded("-m", "seed=range(3)", "+trainer.detect_anomaly=true") == (
+        '["+trainer.detect_anomaly"]'
+    )
+
+
+def test_one_failing_job_loses_no_other_and_the_next_start_skips_what_is_done(tiny_nclt, tmp_path):
+    command = ["train", "-m", "experiment=demo", f"data.root={tiny_nclt}", *QUICK, "seed=-1,0"]
+    done = refused(deepring(*command, cwd=tmp_path), "seed--1", "expected at least 0")
+    assert done.returncode == 1
+    assert "1 of 2 jobs finished" in done.stdout
+    sweep = tmp_path / "outputs" / "sweeps" / "demo_sweep"
+    assert set(rates(sweep)) == {"seed-0"}
+    again = deepring(*command, cwd=tmp_path)
+    assert "seed-0: finished before: skipped" in again.stdout
+    assert "1 of 2 jobs finished" in again.stdout
+
+
+def test_a_killed_sweep_started_again_ends_in_the_same_figures(tiny_nclt, tmp_path):
+    epochs = [a for a in QUICK if not a.startswith("trainer.max_epochs")]
+    command = [
+        str(Path(sys.executable).with_name("deepring")),
+        *("train", "-m", "ablation=table3", "seed=0", "variant=ours,gap", "data=sim_nclt"),
+        *(f"data.root={tiny_nclt}", "trainer.max_epochs=40", *epochs),
+    ]
+
+    def start(name):
+        return subprocess.Popen(
+            [*command, f"sweep_name={name}"],
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+
+    sweeps = tmp_path / "outputs" / "sweeps"
+    whole = start("whole")
+    killed = start("killed")
+    last = sweeps / "demo_killed" / "seed-0+variant-ours" / "checkpoints" / "last.ckpt"
+    deadline = time.monotonic() + 120
+    while not last.is_file():
+        assert killed.poll() is None, killed.communicate()[0]
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    os.killpg(killed.pid, signal.SIGKILL)
+    killed.communicate()
+    assert not list(last.parents[1].glob("results.csv"))  # in mid-run, indeed
+    again = start("killed")
+    output = again.communicate(timeout=240)[0]
+    assert again.returncode == 0, output
+    assert "seed-0+variant-ours: going on from" in output
+    assert "seed-0+variant-gap: going on" not in output
+    assert whole.wait(timeout=240) == 0
+    whole.communicate()
+    assert len(rates(sweeps / "demo_whole")) == 2
+    assert rates(sweeps / "demo_killed") == rates(sweeps / "demo_whole")
+
+
+@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
+def test_launchers_run_the_same_jobs(launcher, tiny_nclt, tmp_path):
+    limits = {"joblib": "hydra.launcher.n_jobs=2", "submitit_local": "hydra.launcher.timeout_min=5"}
+    done = deepring(
+        *("train", "-m", "experiment=demo", f"data.root={tiny_nclt}", *QUICK, "seed=0,-1"),
+        *(f"hydra/launcher={launcher}", limits[launcher]),
+        cwd=tmp_path,
+    )
+    refused(done, "seed--1", "expected at least 0")
+    assert "1 of 2 jobs finished" in done.stdout
+    assert set(rates(tmp_path / "outputs" / "sweeps" / "demo_sweep")) == {"seed-0"}
+
+
+def test_the_search_maximises_validation_and_tests_nothing(tiny_nclt, tmp_path):
+    done = deepring(
+        *("train", "-m", "search=optuna", "experiment=demo", f"data.root={tiny_nclt}"),
+        *(*QUICK, "hydra.sweeper.n_trials=2"),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "2 of 2 jobs finished" in done.stdout
+    sweep = tmp_path / "outputs" / "sweeps" / "demo_optuna"
+    assert "best_value" in (sweep / "optimization_results.yaml").read_text()
+    assert not list(sweep.glob("*/results.csv"))
+
+
+def test_a_sweep_over_several_devices_is_refused(tiny_nclt, tmp_path):
+    done = deepring(
+        *("train", "-m", "experiment=demo", f"data.root={tiny_nclt}", *QUICK, "seed=0,1"),
+        "trainer.devices=2",
+        cwd=tmp_path,
+    )
+    refused(done, "trainer.devices: 2", "without -m")
+    assert "0 of 2 jobs finished" in done.stdout
