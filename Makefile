@@ -6,10 +6,17 @@ INSTALLED := $(VENV)/.installed
 SEED ?= 0
 DEMO_DATA := outputs/datasets/sim_nclt$(if $(filter-out 0,$(SEED)),_seed$(SEED))
 
-.PHONY: help install demo test test-slow lint bench clean
+SEEDS ?= 0 1 2
+comma := ,
+nothing :=
+space := $(nothing) $(nothing)
+SWEEP := seed=$(subst $(space),$(comma),$(strip $(SEEDS))) hydra/launcher=joblib
+
+.PHONY: help install demo ablations test test-slow lint bench clean
 
 help:
 	@echo "make demo       simulate, train, evaluate, print one table (SEED=0)"
+	@echo "make ablations  Tables III and IV on simulated worlds (SEEDS='0 1 2'); goes on if stopped"
 	@echo "make test       lint, types, import directions and the default tests"
 	@echo "make test-slow  the long tests"
 	@echo "make bench      scan -> BEV -> sinogram, in milliseconds"
@@ -27,6 +34,15 @@ $(INSTALLED): pyproject.toml constraints.txt
 demo: install
 	$(BIN)/deepring simulate nclt --seed $(SEED) -o $(DEMO_DATA)
 	$(BIN)/deepring train experiment=demo seed=$(SEED) data.root=$(DEMO_DATA)
+
+ablations: install
+	for seed in $(SEEDS); do \
+	  $(BIN)/deepring simulate nclt --seed $$seed -o outputs/datasets/sim_nclt_seed$$seed || exit; \
+	done
+	$(BIN)/deepring train -m ablation=table3 $(SWEEP)
+	$(BIN)/deepring train -m ablation=way $(SWEEP)
+	$(BIN)/deepring tables outputs/sweeps/demo_table3
+	$(BIN)/deepring tables outputs/sweeps/demo_way
 
 test: install lint
 	$(BIN)/python -m pytest -n 2

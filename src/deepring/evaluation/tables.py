@@ -1,15 +1,14 @@
 """Results as tables, one a test region: for the terminal (rich) and for documents (Markdown)."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from rich import box
 from rich.console import Group
-from rich.table import Table
-from rich.text import Text
 
 from deepring.errors import DeepringError
+from deepring.evaluation import grid
+from deepring.evaluation.grid import NONE, Cell, Grid, best_bold
 from deepring.evaluation.metrics import Over
 from deepring.evaluation.results import Result
 
@@ -20,16 +19,7 @@ class _Column:
 
     header: str
     text: Callable[[Result], str]
-    best: Callable[[Sequence[float]], float] | None = None
-
-
-@dataclass(frozen=True)
-class _Grid:
-    """Rows of (text, bold) that may be compared with each other."""
-
-    title: str
-    headers: Sequence[str]
-    rows: Sequence[Sequence[tuple[str, bool]]]
+    best: Callable[[Iterable[float]], float] | None = None
 
 
 def render(results: Sequence[Result], radius: float = 10.0, over: Over = "answerable") -> Group:
@@ -44,12 +34,12 @@ def render(results: Sequence[Result], radius: float = 10.0, over: Over = "answer
     Raises:
         DeepringError: no result at this radius, or an unknown ``over``.
     """
-    return _terminal(_headline(results, radius, over))
+    return grid.terminal(_headline(results, radius, over))
 
 
 def markdown(results: Sequence[Result], radius: float = 10.0, over: Over = "answerable") -> str:
     """``render`` as Markdown, which ends in a newline."""
-    return _markdown(_headline(results, radius, over))
+    return grid.markdown(_headline(results, radius, over))
 
 
 def render_radii(results: Sequence[Result], over: Over = "answerable") -> Group:
@@ -57,12 +47,12 @@ def render_radii(results: Sequence[Result], over: Over = "answerable") -> Group:
 
     Where a method has several results at one radius, the last one is shown.
     """
-    return _terminal(_side_by_side(results, over))
+    return grid.terminal(_side_by_side(results, over))
 
 
 def markdown_radii(results: Sequence[Result], over: Over = "answerable") -> str:
     """``render_radii`` as Markdown, which ends in a newline."""
-    return _markdown(_side_by_side(results, over))
+    return grid.markdown(_side_by_side(results, over))
 
 
 def recall(result: Result, k: int, over: Over) -> float:
@@ -78,7 +68,7 @@ def recall(result: Result, k: int, over: Over) -> float:
     return value if over == "answerable" else value * result.answerable / max(result.queries, 1)
 
 
-def _headline(results: Sequence[Result], radius: float, over: Over) -> list[_Grid]:
+def _headline(results: Sequence[Result], radius: float, over: Over) -> list[Grid]:
     shown = [result for result in results if math.isclose(result.radius_m, radius)]
     if not shown:
         known = ", ".join(f"{r:g}" for r in sorted({result.radius_m for result in results}))
@@ -99,7 +89,7 @@ def _headline(results: Sequence[Result], radius: float, over: Over) -> list[_Gri
     return _grids(f"right within {radius:g} m, recall over {over} queries", columns, shown)
 
 
-def _side_by_side(results: Sequence[Result], over: Over) -> list[_Grid]:
+def _side_by_side(results: Sequence[Result], over: Over) -> list[Grid]:
     if not results:
         raise DeepringError("results: none given; expected at least one; run an evaluation first")
     rows: dict[tuple[str, ...], dict[float, Result]] = {}
@@ -111,7 +101,7 @@ def _side_by_side(results: Sequence[Result], over: Over) -> list[_Grid]:
     def at(radius: float) -> Callable[[Result], str]:
         def text(row: Result) -> str:
             found = rows[row.method, row.train, row.test, row.region].get(radius)
-            return _rate(recall(found, 1, over)) if found else "-"
+            return _rate(recall(found, 1, over)) if found else NONE
 
         return text
 
@@ -120,59 +110,23 @@ def _side_by_side(results: Sequence[Result], over: Over) -> list[_Grid]:
     return _grids(f"Recall@1 over {over} queries, right within", columns, one_a_row)
 
 
-def _grids(what: str, columns: Sequence[_Column], results: Sequence[Result]) -> list[_Grid]:
+def _grids(what: str, columns: Sequence[_Column], results: Sequence[Result]) -> list[Grid]:
     """A grid for each test region, in the order in which they come."""
     groups: dict[str, list[Result]] = {}
     for result in results:
         groups.setdefault(f"{result.test} {result.region}".strip(), []).append(result)
     headers = [column.header for column in columns]
     return [
-        _Grid(f"{place}: {what}", headers, _cells(group, columns))
+        Grid(f"{place}: {what}", headers, _cells(group, columns), len(_NAMES))
         for place, group in groups.items()
     ]
 
 
-def _cells(group: Sequence[Result], columns: Sequence[_Column]) -> list[list[tuple[str, bool]]]:
-    by_column = []
-    for column in columns:
-        texts = [column.text(result) for result in group]
-        # What is shown decides: equal to the last digit shown is equally good.
-        numbers = [float(text) for text in texts if column.best and text != "-"]
-        best = column.best(numbers) if column.best and len(numbers) > 1 else None
-        bold = [best is not None and text != "-" and float(text) == best for text in texts]
-        by_column.append(list(zip(texts, bold, strict=True)))
+def _cells(group: Sequence[Result], columns: Sequence[_Column]) -> list[list[Cell]]:
+    by_column = [
+        best_bold([column.text(result) for result in group], column.best) for column in columns
+    ]
     return [list(row) for row in zip(*by_column, strict=True)]
-
-
-def _terminal(grids: Sequence[_Grid]) -> Group:
-    return Group(*(part for grid in grids for part in (Text(grid.title), _table(grid))))
-
-
-def _table(grid: _Grid) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for index, header in enumerate(grid.headers):
-        if index < len(_NAMES):  # names give way on narrow terminals, numbers do not
-            table.add_column(header, min_width=8, overflow="fold")
-        else:
-            table.add_column(header, justify="right", no_wrap=True)
-    for row in grid.rows:
-        # Text, not markup: a method may be called "ring[fast]".
-        table.add_row(*(Text(text, style="bold" if bold else "") for text, bold in row))
-    return table
-
-
-def _markdown(grids: Sequence[_Grid]) -> str:
-    lines = []
-    for grid in grids:
-        rule = ["---" if index < len(_NAMES) else "---:" for index in range(len(grid.headers))]
-        cells = [[_bold(text.replace("|", r"\|"), bold) for text, bold in row] for row in grid.rows]
-        rows = [f"| {' | '.join(row)} |" for row in (grid.headers, rule, *cells)]
-        lines += [grid.title, "", *rows, ""]
-    return "\n".join(lines)
-
-
-def _bold(text: str, bold: bool) -> str:
-    return f"**{text}**" if bold else text
 
 
 def _rate(value: float) -> str:
@@ -185,5 +139,5 @@ def _milliseconds(seconds: float) -> str:
 
 _NAMES = (
     _Column("method", lambda result: result.method),
-    _Column("trained on", lambda result: result.train or "-"),
+    _Column("trained on", lambda result: result.train or NONE),
 )

@@ -1,0 +1,168 @@
+"""A table of texts, and how it is written: terminal (rich), Markdown, LaTeX, CSV."""
+
+import csv as csv_format
+import io
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rich import box
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from deepring.errors import DeepringError
+
+#: What stands where there is no value.
+NONE = "-"
+
+
+class Cell(NamedTuple):
+    """What stands in one place of a table."""
+
+    text: str
+    bold: bool = False
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Rows that may be compared with each other. Raises DeepringError for a row of another length.
+
+    The first ``names`` columns say what a row is, the others hold numbers. A rule is drawn before
+    each row numbered in ``breaks``; ``notes`` stand below the table.
+    """
+
+    title: str
+    headers: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    names: int
+    breaks: Collection[int] = ()
+    notes: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        for number, row in enumerate(self.rows):
+            if len(row) != len(self.headers):
+                raise DeepringError(
+                    f"rows[{number}]: {len(row)} cells; expected {len(self.headers)}, one a header"
+                )
+
+
+def best_bold(
+    texts: Sequence[str], best: Callable[[Iterable[float]], float] | None = max
+) -> list[Cell]:
+    """Cells of one column, the best number of at least two in bold.
+
+    What is shown decides: equal to the last digit shown is equally good. A text begins with its
+    number ("0.859", "0.859 ± 0.010"), or is "-". With ``best`` None nothing is bold.
+    """
+    if best is None:
+        return [Cell(text) for text in texts]
+    numbers = [None if text == NONE else float(text.split()[0]) for text in texts]
+    known = [number for number in numbers if number is not None]
+    top = best(known) if len(known) > 1 else None
+    return [
+        Cell(text, number is not None and number == top)
+        for text, number in zip(texts, numbers, strict=True)
+    ]
+
+
+def terminal(grids: Sequence[Grid]) -> Group:
+    """The grids one below the other; numbers keep their width on a narrow terminal."""
+    parts: list[Text | Table] = []
+    for grid in grids:
+        parts += [Text(grid.title), _table(grid)]
+        if grid.notes:
+            parts += [*map(Text, grid.notes), Text("")]
+    return Group(*parts)
+
+
+def _table(grid: Grid) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for index, header in enumerate(grid.headers):
+        if index < grid.names:  # names give way on narrow terminals, numbers do not
+            table.add_column(Text(header), min_width=8, overflow="fold")
+        else:
+            table.add_column(Text(header), justify="right", no_wrap=True)
+    for number, row in enumerate(grid.rows):
+        if number in grid.breaks:
+            table.add_section()
+        # Text, not markup: a method may be called "ring[fast]".
+        table.add_row(*(Text(text, style="bold" if bold else "") for text, bold in row))
+    return table
+
+
+def markdown(grids: Sequence[Grid]) -> str:
+    """The grids one below the other, ending in a newline; notes are a list."""
+    lines = []
+    for grid in grids:
+        rule = ["---" if index < grid.names else "---:" for index in range(len(grid.headers))]
+        headers = [header.replace("|", r"\|") for header in grid.headers]
+        cells = [
+            [f"**{text}**" if bold else text for text, bold in _escaped(row)] for row in grid.rows
+        ]
+        rows = [f"| {' | '.join(row)} |" for row in (headers, rule, *cells)]
+        lines += [grid.title, "", *rows, ""]
+        if grid.notes:
+            lines += [*(f"- {note}" for note in grid.notes), ""]
+    return "\n".join(lines)
+
+
+def _escaped(row: Sequence[Cell]) -> Iterable[Cell]:
+    return (Cell(text.replace("|", r"\|"), bold) for text, bold in row)
+
+
+def latex(grid: Grid) -> str:
+    r"""A ``table`` environment that needs ``\usepackage{booktabs}``, ending in a newline."""
+    columns = "l" * grid.names + "r" * (len(grid.headers) - grid.names)
+    lines = [
+        r"\begin{table}[t]",
+        r"\centering",
+        rf"\caption{{{_tex(grid.title)}}}",
+        rf"\begin{{tabular}}{{{columns}}}",
+        r"\toprule",
+        _tex_row([Cell(header, bold=True) for header in grid.headers]),
+        r"\midrule",
+    ]
+    for number, row in enumerate(grid.rows):
+        if number in grid.breaks:
+            lines.append(r"\midrule")
+        lines.append(_tex_row(row))
+    lines += [r"\bottomrule", r"\end{tabular}"]
+    lines += [rf"\par\footnotesize {_tex(note)}" for note in grid.notes]
+    return "\n".join([*lines, r"\end{table}", ""])
+
+
+def _tex_row(row: Sequence[Cell]) -> str:
+    cells = (rf"\textbf{{{_tex(text)}}}" if bold else _tex(text) for text, bold in row)
+    return " & ".join(cells) + r" \\"
+
+
+_TEX = str.maketrans(
+    {
+        **{character: f"\\{character}" for character in "&%$#_{}"},
+        "\\": r"\textbackslash{}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        "<": r"\textless{}",
+        ">": r"\textgreater{}",
+        "|": r"\textbar{}",
+        # Either would be taken for an argument of the \\ that ends the row before.
+        "[": "{[}",
+        "*": "{*}",
+        "±": r"$\pm$",
+        "×": r"$\times$",
+    }
+)
+
+
+def _tex(text: str) -> str:
+    return text.translate(_TEX)
+
+
+def csv(grid: Grid) -> str:
+    """Headers and texts as CSV, without title and notes, ending in a newline."""
+    written = io.StringIO()
+    writer = csv_format.writer(written, lineterminator="\n")
+    writer.writerow(grid.headers)
+    writer.writerows([cell.text for cell in row] for row in grid.rows)
+    return written.getvalue()

@@ -1,0 +1,133 @@
+"""Finding and reading the run folders that training leaves."""
+
+import json
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
+
+from deepring.errors import DeepringError
+from deepring.evaluation.results import read_results
+from deepring.evaluation.rows import Run
+from deepring.experiment.status import Status, read_status
+
+
+@dataclass(frozen=True)
+class FoundRuns:
+    """The finished runs, and a line about each other one: which, and why it is left out."""
+
+    runs: list[Run]
+    left_out: list[str]
+
+
+def find_runs(paths: Sequence[str | Path]) -> FoundRuns:
+    """All runs in these folders, at any depth; a path may be a run folder itself.
+
+    A run folder holds a ``status.json``; one that several paths lead to is taken once. Raises
+    DeepringError where a path is no folder or no run lies in it, where none has finished, and
+    for a finished one whose files cannot be read.
+    """
+    runs, left_out = [], []
+    for folder, status in _statuses([Path(path) for path in paths]):
+        reason = _unusable(folder, status)
+        if reason is None:
+            runs.append(read_run(folder))
+        else:
+            whole = folder.resolve()
+            left_out.append(f"left out: {whole.parent.name}/{whole.name}: {reason}")
+    if not runs:
+        raise DeepringError(
+            f"{_listed(paths)}: no run with results; expected at least one; "
+            + "; ".join(left_out)
+            + "; start the same training again to go on with what is left"
+        )
+    return FoundRuns(runs, left_out)
+
+
+def read_run(folder: str | Path) -> Run:
+    """The config, results and commits of a finished run.
+
+    Raises DeepringError that names the file which is missing or cannot be read.
+    """
+    folder = Path(folder)
+    config = _config(folder / "config.yaml")
+    return Run(str(folder), config, read_results(folder / "results.csv"), _commits(folder))
+
+
+def _statuses(paths: Sequence[Path]) -> Iterator[tuple[Path, Status]]:
+    seen = set()
+    for path in paths:
+        if not path.is_dir():
+            raise DeepringError(
+                f"{path}: no such folder; expected a sweep's or a run's; "
+                "see outputs/sweeps, where `deepring train -m` writes"
+            )
+        found = list(_run_folders(path))
+        if not found:
+            raise DeepringError(
+                f"{path}: no run in it (a folder with a status.json, as `deepring train` leaves); "
+                "expected a sweep's or a run's folder; name one"
+            )
+        for folder in found:
+            status = read_status(folder)
+            if folder.resolve() not in seen and status is not None:
+                seen.add(folder.resolve())
+                yield folder, status
+
+
+def _run_folders(path: Path) -> Iterator[Path]:
+    """Folders with a status, sorted; neither links nor hidden folders are followed."""
+    for place, folders, files in os.walk(path):
+        if "status.json" in files:
+            folders.clear()  # a run holds no further runs
+            yield Path(place)
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+
+
+def _unusable(folder: Path, status: Status) -> str | None:
+    if status.state == "failed":
+        return f"failed: {(status.error or 'no reason given').strip().splitlines()[0]}"
+    if status.state != "finished":
+        return "unfinished: still running, or killed"
+    if not (folder / "results.csv").is_file():
+        return "not evaluated (test=false): no results.csv"
+    return None
+
+
+def _config(path: Path) -> dict[str, Any]:
+    try:
+        config = OmegaConf.to_container(OmegaConf.load(path), resolve=True)
+    except (OmegaConfBaseException, YAMLError, OSError, UnicodeDecodeError) as error:
+        reason = " ".join(str(error).split())
+        raise DeepringError(f"{path}: {reason}; {_WANTED}") from None
+    if not isinstance(config, dict):
+        raise DeepringError(f"{path}: holds a {type(config).__name__}; {_WANTED}")
+    return {str(key): value for key, value in config.items()}
+
+
+_WANTED = "expected the config of a run; leave this folder out, or train it again"
+
+
+def _commits(folder: Path) -> list[str]:
+    """Of ``versions.json`` and of those that a run which went on has added."""
+    commits = []
+    for path in sorted(folder.glob("versions*.json")):
+        try:
+            commit = json.loads(path.read_text())["git_commit"]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise DeepringError(
+                f"{path}: {error!r}; expected the versions of a run, with a git_commit; "
+                "delete the file to go on without"
+            ) from None
+        if commit is not None:
+            commits.append(str(commit))
+    return commits
+
+
+def _listed(paths: Sequence[str | Path]) -> str:
+    return ", ".join(map(str, paths))
