@@ -15,7 +15,7 @@ SWEEP := seed=$(subst $(space),$(comma),$(strip $(SEEDS))) hydra/launcher=joblib
 .PHONY: help install demo ablations test test-slow lint bench clean
 
 help:
-	@echo "make demo       simulate, train, evaluate, print one table (SEED=0)"
+	@echo "make demo       simulate, train, evaluate, print the results (SEED=0)"
 	@echo "make ablations  Tables III and IV on simulated worlds (SEEDS='0 1 2'); goes on if stopped"
 	@echo "make test       lint, types, import directions and the default tests"
 	@echo "make test-slow  the long tests"

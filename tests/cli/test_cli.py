@@ -69,12 +69,22 @@ def test_train_then_evaluate_its_checkpoint_then_resume(tiny_nclt, tmp_path):
     assert "25 m" in again.stdout
     assert (tmp_path / "outputs" / "evaluations" / "evaluate" / "latest").is_dir()
 
-    before = run.resolve()
+    before, last = run.resolve(), run / "checkpoints" / "last.ckpt"
+    state, config = torch.load(last, weights_only=True), (run / "config.yaml").read_text()
     resume = ["resume=outputs/demo/latest/checkpoints/last.ckpt", f"data.root={tiny_nclt}"]
-    epochs = ["trainer.max_epochs=2", "test=false"]
+    epochs = ["trainer.max_epochs=2", "episode.per_epoch=3", "test=false"]
     more = deepring("train", "experiment=demo", *SMALL, *resume, *epochs, cwd=tmp_path)
     assert more.returncode == 0, more.stderr
     assert run.resolve() == before
+    further = torch.load(last, weights_only=True)
+    assert further["epoch"] > state["epoch"]
+    # One episode, then three; a fresh start would take six.
+    assert (state["global_step"], further["global_step"]) == (1, 1 + 3)
+    # The run's folder keeps the first config and adds the one it went on with.
+    (resumed,) = before.glob("config_resumed_*.yaml")
+    assert (run / "config.yaml").read_text() == config
+    assert "max_epochs: 1\n" in config
+    assert "max_epochs: 2\n" in resumed.read_text()
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ EPISODE = EpisodeSettings(ways=4, shots=1, queries=2, per_epoch=6)
 class Toy(L.LightningDataModule):
     """Places along a line; every scan of a place shows the same few cells, moved a little."""
 
-    def __init__(self, places: int = 12, scans: int = 4) -> None:
+    def __init__(self, places: int = 12, scans: int = 4, seed: int = 3) -> None:
         super().__init__()
         rng = np.random.default_rng(0)
         images, positions = [], []
@@ -39,7 +39,7 @@ class Toy(L.LightningDataModule):
         self.positions = np.array(positions)
         self.rasters = Rasters(np.stack(images), RASTER)
         pool = Places(self.positions, np.zeros(len(images), dtype=np.int64), EPISODE)
-        self.episodes = EpisodeDataset(pool, self.rasters, seed=3)
+        self.episodes = EpisodeDataset(pool, self.rasters, seed)
 
     def train_dataloader(self):
         order = EpisodeOrder(EPISODE.per_epoch, self.trainer.global_rank, self.trainer.world_size)
@@ -53,12 +53,12 @@ class Toy(L.LightningDataModule):
         return [torch.utils.data.DataLoader([batch], batch_size=None)]
 
 
-def module():
-    L.seed_everything(0, verbose=False)
+def module(seed=0, optimizer=None):
+    L.seed_everything(seed, verbose=False)
     return DeepRingModule(
         SETTINGS.to_dict(),
         validation=["toy"],
-        optimizer=partial(torch.optim.Adam, lr=1e-2, weight_decay=1e-4),
+        optimizer=optimizer or partial(torch.optim.Adam, lr=1e-2, weight_decay=1e-4),
         scheduler=partial(torch.optim.lr_scheduler.MultiStepLR, milestones=[2], gamma=0.1),
         trained_on="toy",
     )
@@ -80,9 +80,9 @@ def trainer(folder, epochs, **options):
     )
 
 
-def fit(model, folder, epochs, resume=None, **options):
+def fit(model, folder, epochs, resume=None, data=None, **options):
     runner = trainer(folder, epochs, **options)
-    runner.fit(model, Toy(), ckpt_path=resume, weights_only=True)
+    runner.fit(model, data or Toy(), ckpt_path=resume, weights_only=True)
     return runner
 
 
@@ -95,12 +95,19 @@ def test_training_learns_the_toy_places(tmp_path):
 
 
 def test_the_same_seed_gives_the_same_weights_and_another_does_not(tmp_path):
-    runs = []
-    for k in range(2):
-        model = module()
-        fit(model, tmp_path / str(k), 1)
-        runs.append(model.state_dict())
-    assert all(torch.equal(runs[0][key], runs[1][key]) for key in runs[0])
+    def trained(name, seed=0, episodes=3):
+        model = module(seed)
+        fit(model, tmp_path / name, 1, data=Toy(seed=episodes))
+        return model.state_dict()
+
+    def same(a, b):
+        return [torch.equal(a[key], b[key]) for key in a]
+
+    first = trained("first")
+    assert all(same(first, trained("again")))
+    # Another start alone, and other episodes from the same start.
+    assert not all(same(first, trained("start", seed=1)))
+    assert not all(same(first, trained("episodes", episodes=4)))
 
 
 @pytest.mark.filterwarnings("ignore:Checkpoint directory .* exists")
@@ -145,9 +152,43 @@ def test_bf16_trains_and_describes_in_float32(tmp_path):
     assert model.method.describe(Toy().rasters[:2]).dtype == torch.float32
 
 
+DESCENT = partial(torch.optim.SGD, lr=1e-2)  # linear in the gradient, which Adam rescales
+
+
+def trained_by_hand(orders):
+    """One process; each step takes the mean gradient of the episodes that the orders name."""
+    model, episodes = module(optimizer=DESCENT), Toy().episodes
+    model.log = lambda *_, **__: None  # there is no trainer to log to
+    optimizer = DESCENT(model.parameters())
+    for step in zip(*orders, strict=True):
+        optimizer.zero_grad()
+        for number in step:
+            (model.training_step(episodes[number], 0) / len(step)).backward()
+        optimizer.step()
+    return model.state_dict()
+
+
+def furthest(a, b):
+    """The largest difference of any parameter."""
+    names = [name for name, _ in module().named_parameters()]
+    return max((a[name] - b[name]).abs().max().item() for name in names)
+
+
 def test_two_processes_train_on_different_episodes_and_agree(tmp_path):
-    model = module()
+    model = module(optimizer=DESCENT)
     fit(model, tmp_path, 1, devices=2, strategy="ddp_spawn")
-    assert (tmp_path / "last.ckpt").is_file()
-    loaded = load_deepring(tmp_path / "last.ckpt").method
-    assert all(torch.isfinite(p).all() for p in loaded.parameters())
+    found = torch.load(tmp_path / "last.ckpt", weights_only=True)["state_dict"]
+    first, second = (EpisodeOrder(EPISODE.per_epoch, rank, 2) for rank in range(2))
+    start = module().state_dict()
+    apart = {
+        name: furthest(found, state)
+        for name, state in {
+            "each its own": trained_by_hand([first, second]),
+            "both the first's": trained_by_hand([first, first]),
+            "both the second's": trained_by_hand([second, second]),
+            "start": start,
+        }.items()
+    }
+    print(f"largest difference of a parameter: {apart}")
+    assert apart.pop("each its own") < 1e-5
+    assert min(apart.values()) > 1e-3

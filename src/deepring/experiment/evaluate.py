@@ -17,7 +17,8 @@ from deepring.evaluation.results import Result, write_results
 from deepring.evaluation.retrieval import describe_all
 from deepring.evaluation.tables import markdown, markdown_radii
 from deepring.experiment import build
-from deepring.experiment.config import Config, counted_over, flattened
+from deepring.experiment.config import Config, counted_over
+from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.pictures import evaluation_figures
 from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRing
@@ -172,17 +173,3 @@ def add_database_embedding(board: Path, network: Method, task: Task) -> None:
     descriptors = describe_all(network, task.database.rasters).cpu()
     labels = [f"{x:.0f}, {y:.0f}" for x, y in task.database.scans.ground_truth]
     add_descriptors(board, descriptors, labels)
-
-
-#: What TensorBoard's HPARAMS page tells runs apart by, besides the seed and the data.
-VARIED = ("representation", "encoder", "aggregation", "similarity", "loss", "episode", "optimizer")
-
-
-def hyperparameters(cfg: Config) -> dict[str, bool | str | float | int]:
-    """What a sweep varies, flat, for TensorBoard's HPARAMS page."""
-    groups = {name: build.plain(getattr(cfg, name)) for name in VARIED}
-    values = {"seed": cfg.seed, "data": cfg.data.name, **flattened(groups)}
-    return {
-        key: value if isinstance(value, bool | str | float | int) else str(value)
-        for key, value in values.items()
-    }

@@ -1,0 +1,156 @@
+"""`deepring case-study`, called as the command line calls it."""
+
+import csv
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+
+from deepring.cli.case_study import GROUND_Z, READERS, case_study_command
+from deepring.data.formats import FORMATS
+from deepring.errors import BrokenScanError, DeepringError
+
+REAL = Path(os.environ.get("DEEPRING_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))
+CONF = Path(__file__).parents[2] / "conf" / "data"
+FILES = ["case_study.csv", "case_study.png", "case_study_error.png"]
+
+
+def study(output, *arguments, pairs=2):
+    case_study_command([*map(str, arguments), "--pairs", str(pairs), "-o", str(output)])
+    assert sorted(path.name for path in output.iterdir()) == FILES
+    with (output / "case_study.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def mean(rows, name, kind, value):
+    return next(
+        float(row["mean"])
+        for row in rows
+        if (row["representation"], row["kind"], row["value"]) == (name, kind, value)
+    )
+
+
+def holds(rows):
+    """What the paper's case study says."""
+    assert mean(rows, "SG", "translation", "10") < 0.5 * mean(rows, "PG", "translation", "10")
+    assert mean(rows, "SG", "rotation", "52.5") < 0.5 * mean(rows, "PG", "rotation", "52.5")
+
+
+@pytest.fixture
+def scan_files(tiny_nclt):
+    scans = sorted((tiny_nclt / "2031-02-04" / "velodyne_sync").glob("*.bin"))
+    return [scans[0], scans[-1]]
+
+
+def test_a_simulated_nclt_dataset(tiny_nclt, tmp_path, capsys):
+    rows = study(tmp_path / "out", tiny_nclt, pairs=6)
+    holds(rows)
+    assert mean(rows, "SG", "unrelated", "") > 0.2
+    said = capsys.readouterr().out
+    assert "2031-02-04" in said, "the session that was taken"
+    assert "case_study.csv" in said
+
+
+def test_a_simulated_mulran_dataset_with_its_session_named(tiny_mulran, tmp_path, capsys):
+    holds(study(tmp_path / "out", tiny_mulran, "--session", "SimCity02"))
+    assert "SimCity02" in capsys.readouterr().out
+
+
+def test_single_scan_files(scan_files, tmp_path, capsys):
+    rows = study(tmp_path / "two", "--format", "nclt", *scan_files)
+    holds(rows)
+    assert [row["kind"] for row in rows].count("unrelated") == 2
+    rows = study(tmp_path / "one", "--format", "nclt", scan_files[0])
+    assert "unrelated" not in {row["kind"] for row in rows}
+    assert "left out" in capsys.readouterr().out
+
+
+def test_the_same_seed_writes_the_same_bytes(scan_files, tmp_path):
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        study(tmp_path / name, "--format", "nclt", *scan_files, "--seed", seed)
+    a, b, c = ((tmp_path / name / "case_study.csv").read_bytes() for name in "abc")
+    assert a == b != c
+
+
+def test_the_drawn_pair_moves_as_it_was_told(scan_files, tmp_path, capsys):
+    still = ("--rotation", 0, "--translation", 0)
+    study(tmp_path / "out", "--format", "nclt", scan_files[0], *still)
+    assert "turned 0.0°, moved 0 m: SG 0.000, PG 0.000" in capsys.readouterr().out
+
+
+def test_broken_scans_of_a_dataset_are_left_out_and_counted(tiny_nclt, tmp_path, capsys):
+    damaged = tmp_path / "damaged"
+    shutil.copytree(tiny_nclt / "2031-02-04", damaged / "2031-02-04")
+    for truth in tiny_nclt.rglob("groundtruth_2031-02-04.csv"):
+        shutil.copy(truth, damaged)
+    scans = sorted(damaged.rglob("velodyne_sync/*.bin"))
+    for path in scans[2:]:
+        path.write_bytes(bytes(80))  # ten points in one far corner
+    rows = study(tmp_path / "out", damaged, pairs=len(scans))
+    assert {row["n"] for row in rows if row["kind"] != "unrelated"} == {"2"}
+    assert f"{len(scans) - 2} broken scans" in capsys.readouterr().out
+
+    for path in scans[:2]:
+        path.write_bytes(bytes(80))
+    with pytest.raises(DeepringError, match="none of its"):
+        case_study_command([str(damaged), "-o", str(tmp_path / "none")])
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["{scan}"], ["--format", "nclt"]),
+        (["{scan}", "{root}", "--format", "nclt"], ["is no file"]),
+        (["{scan}", "{scan}", "--format", "nclt"], ["twice"]),
+        (["{scan}", "--format", "nclt", "--session", "x"], ["--session x"]),
+        (["nowhere"], ["nowhere"]),
+        (["{root}", "--session", "1999-01-01"], ["1999-01-01", "2031-02-04"]),
+        (["{root}", "--format", "kitti"], ["NCLT"]),
+        (["{root}", "--pairs", "0"], ["--pairs 0"]),
+        (["{root}", "--seed", "-1"], ["--seed -1"]),
+        (["{root}", "--translation", "71"], ["--translation 71", "70"]),
+        (["{root}", "--translation", "nan"], ["--translation nan"]),
+        (["{root}", "--rotation", "inf"], ["--rotation inf"]),
+        (["{root}", "-o", "{scan}"], ["is a file"]),
+    ],
+)
+def test_mistakes_are_named_and_write_nothing(arguments, words, tiny_nclt, scan_files, tmp_path):
+    places = {"scan": scan_files[0], "root": tiny_nclt}
+    filled = [argument.format(**places) for argument in arguments]
+    output = [] if "-o" in filled else ["-o", str(tmp_path / "out")]
+    with pytest.raises(DeepringError) as caught:
+        case_study_command([*filled, *output])
+    assert all(word in str(caught.value) for word in words), caught.value
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_without_a_visible_point_is_named_with_its_format(tmp_path):
+    path = tmp_path / "1.bin"
+    path.write_bytes(bytes(80))
+    with pytest.raises(BrokenScanError, match=r"1\.bin: 10 points as nclt"):
+        case_study_command(["--format", "nclt", str(path), "-o", str(tmp_path / "out")])
+
+
+def test_every_format_has_a_reader_and_the_ground_height_of_its_config():
+    assert set(READERS) == set(GROUND_Z) == set(FORMATS)
+    for name, ground_z in GROUND_Z.items():
+        config = yaml.safe_load((CONF / f"{name}.yaml").read_text(encoding="utf-8"))
+        assert config["ground_z"] == ground_z
+
+
+@pytest.mark.skipif(not (REAL / "kitti00_south").is_dir(), reason="real KITTI scans are not here")
+def test_real_kitti_scans(tmp_path):
+    rows = study(tmp_path / "folder", REAL / "kitti00_south", pairs=8)
+    holds(rows)
+    assert mean(rows, "SG", "translation", "20") < mean(rows, "SG", "unrelated", "")
+    scans = sorted((REAL / "kitti00_south" / "velodyne").glob("*.bin"))
+    holds(study(tmp_path / "files", "--format", "kitti", scans[0], scans[-1]))
+
+
+@pytest.mark.skipif(not (REAL / "nclt_scans").is_dir(), reason="real NCLT scans are not here")
+def test_real_nclt_scans(tmp_path):
+    scans = sorted((REAL / "nclt_scans").glob("*.bin"))
+    holds(study(tmp_path / "out", "--format", "nclt", *scans, pairs=4))
