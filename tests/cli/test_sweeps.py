@@ -5,13 +5,14 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
 from test_cli import SMALL, deepring, refused
 
 from deepring.cli.experiments import config_folder
-from deepring.cli.sweeps import naming
+from deepring.cli.sweeps import folder_name, naming
 from deepring.evaluation.results import read_results
 
 QUICK = [*SMALL, "evaluation.figures=false"]
@@ -36,11 +37,32 @@ def test_folders_are_named_after_what_is_varied():
 
     assert excluded("-m", "seed=0,1", "experiment=demo") == '["experiment"]'
     assert excluded("-m", "optimizer.lr=0.1,0.2", "data.root=/a=b") == "[]"  # Hydra refuses it
+    assert (
+        excluded("-m", "data.root=/a", "seed=0", "data.root=/a,/b") == "[]"
+    )  # the last one counts
     assert excluded("-m", "ablation=table3", "variant=pg", "seed=0") == '["ablation"]'
     assert excluded("-m", "variant=pg", "ablation=way") == '["variant","ablation"]'
     assert excluded("-m", "seed=range(3)", "+trainer.detect_anomaly=true") == (
-        '["+trainer.detect_anomaly"]'
+        '["+trainer.detect_anomaly","trainer.detect_anomaly"]'
     )
+
+
+def test_a_folder_name_is_one_folder_and_never_empty():
+    assert folder_name("seed-0+variant-pg") == "seed-0+variant-pg"
+    assert folder_name("") == "run"
+    assert folder_name("data.root-/a/b") == "data.root-_a_b"
+    long = [folder_name("x" * 300 + end) for end in "ab"]
+    assert len(set(long)) == 2
+    assert max(map(len, long)) <= 200
+
+
+def test_what_no_sweep_can_be_is_refused(tmp_path):
+    refused(deepring("train", "-m", "--cfg", "job", cwd=tmp_path), "--cfg", "leave one out")
+    refused(
+        deepring("train", "-m", "hydra.sweep.dir=", "seed=0,1", cwd=tmp_path), "expected a folder"
+    )
+    refused(deepring("train", "-m", "ablation=tabel3", cwd=tmp_path), "tabel3")
+    assert not list(tmp_path.rglob("seed-*"))
 
 
 def test_one_failing_job_loses_no_other_and_the_next_start_skips_what_is_done(tiny_nclt, tmp_path):
@@ -90,6 +112,7 @@ def test_a_killed_sweep_started_again_ends_in_the_same_figures(tiny_nclt, tmp_pa
     assert again.returncode == 0, output
     assert "seed-0+variant-ours: going on from" in output
     assert "seed-0+variant-gap: going on" not in output
+    assert not list((sweeps / "demo_whole").glob(".outcomes*"))
     assert whole.wait(timeout=240) == 0
     whole.communicate()
     assert len(rates(sweeps / "demo_whole")) == 2
@@ -120,6 +143,74 @@ def test_the_search_maximises_validation_and_tests_nothing(tiny_nclt, tmp_path):
     sweep = tmp_path / "outputs" / "sweeps" / "demo_optuna"
     assert "best_value" in (sweep / "optimization_results.yaml").read_text()
     assert not list(sweep.glob("*/results.csv"))
+
+
+def started(arguments, cwd):
+    """A sweep in the background, in a process group of its own."""
+    command = [str(Path(sys.executable).with_name("deepring")), "train", "-m", *arguments]
+    return subprocess.Popen(
+        command,
+        cwd=cwd,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        # Where the suite itself runs in the background, SIGINT would be inherited as ignored.
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+    )
+
+
+def wait_for(pattern, folder, process):
+    deadline = time.monotonic() + 120
+    while not list(folder.glob(pattern)):
+        assert process.poll() is None, process.communicate()[0]
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+LONG = [a for a in QUICK if not a.startswith("trainer.max_epochs")]
+
+
+def test_ctrl_c_ends_the_sweep_and_says_how_to_go_on(tiny_nclt, tmp_path):
+    sweep = started(
+        ["experiment=demo", f"data.root={tiny_nclt}", *LONG, "trainer.max_epochs=500", "seed=0,1"],
+        tmp_path,
+    )
+    wait_for("outputs/sweeps/*/seed-0/checkpoints/last.ckpt", tmp_path, sweep)
+    os.killpg(sweep.pid, signal.SIGINT)
+    output = sweep.communicate(timeout=120)[0]
+    assert sweep.returncode == 130, output
+    assert "the same command goes on" in output
+    assert "0 of 1 jobs finished" in output
+    assert "Traceback" not in output
+    assert not (tmp_path / "outputs" / "sweeps" / "demo_sweep" / "seed-1").exists()
+
+
+def workers(pid):
+    """Process numbers of a sweep's joblib workers."""
+    listed = subprocess.run(
+        ["ps", "--ppid", str(pid), "-o", "pid=,args="], capture_output=True, text=True, check=True
+    )
+    rows = [line.split(maxsplit=1) for line in listed.stdout.splitlines()]
+    return [int(number) for number, args in rows if "popen_loky" in args]
+
+
+def test_a_killed_worker_loses_no_job(tiny_nclt, tmp_path):
+    sweep = started(
+        [
+            *("experiment=demo", f"data.root={tiny_nclt}", *LONG, "trainer.max_epochs=20"),
+            *("seed=0,1", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2"),
+        ],
+        tmp_path,
+    )
+    wait_for("outputs/sweeps/*/seed-*/checkpoints/last.ckpt", tmp_path, sweep)
+    os.kill(workers(sweep.pid)[0], signal.SIGKILL)
+    output = sweep.communicate(timeout=240)[0]
+    assert sweep.returncode == 0, output
+    assert "launching what is left again" in output
+    assert "2 of 2 jobs finished" in output
+    assert "Traceback" not in output
+    assert set(rates(tmp_path / "outputs" / "sweeps" / "demo_sweep")) == {"seed-0", "seed-1"}
 
 
 def test_a_sweep_over_several_devices_is_refused(tiny_nclt, tmp_path):

@@ -125,6 +125,12 @@ def test_a_config_from_before_a_key_existed_is_one_row_with_those_that_say_the_s
     assert len(collect_rows([run(), old]).rows) == 1
 
 
+def test_means_over_other_seeds_are_not_called_best():
+    both = [run(0.5), run(0.9, seed=1), run(0.6, changes=GAP), run(0.7, seed=1, changes=GAP)]
+    assert any(cell.bold for row in shown_grid(table(both)).rows for cell in row)
+    assert not any(cell.bold for row in shown_grid(table(both[:3])).rows for cell in row)
+
+
 def test_the_same_row_and_seed_twice_is_refused_naming_both_unless_they_agree():
     with pytest.raises(DeepringError, match=r"seed 0 .* twice, .*: first and second; .* delete"):
         collect_rows([run(0.5, folder="first"), run(0.6, folder="second")])
@@ -300,7 +306,8 @@ def test_notes_say_whose_seeds_are_lacking_and_which_commits_made_the_runs():
     runs = [run(seed=0), run(seed=1), run(seed=1, changes=GAP)]
     other = Run("other", config(0, PG), runs[0].results, [])
     notes = table([*runs, other], notes=["left out: x"]).notes
-    assert "rows are not over the same seeds: PG DFT CE has 0; SG GAP CE has 1" in notes
+    lacking = "PG DFT CE has 0; SG GAP CE has 1"
+    assert f"rows are not over the same seeds, so that none is marked best: {lacking}" in notes
     assert "made by several versions of the code: commits c0ffee (3 runs), unknown (1 run)" in notes
     assert notes[-1] == "left out: x"
     assert table(runs[:2]).notes == ["mean ± sample standard deviation over the seeds 0, 1"]

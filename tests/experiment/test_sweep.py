@@ -65,12 +65,12 @@ def test_a_finished_job_is_left_alone_and_tells_its_score_again(config, tmp_path
     assert not (tmp_path / "latest").exists()  # TensorBoard would show that run twice
 
 
-def test_a_killed_job_goes_on_and_ends_as_if_undisturbed(config, tmp_path):
+def test_a_job_broken_off_goes_on_and_ends_as_if_undisturbed(config, tmp_path):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     run_job(config(whole, "trainer.max_epochs=3"), whole)
 
     def kill(*_args):
-        raise SystemError("stands for a kill")
+        raise SystemError("broken off")
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("deepring.data.episodes.EpisodeDataset.__getitem__", _until(4, kill))
@@ -79,7 +79,6 @@ def test_a_killed_job_goes_on_and_ends_as_if_undisturbed(config, tmp_path):
     # Two epochs were whole: it goes on from the second, whichever was the better one.
     kept = torch.load(killed / "checkpoints" / "last.ckpt", weights_only=True)
     assert kept["global_step"] == 4
-    write_status(killed, Status("running"))  # a kill leaves no other word
     run_job(config(killed, "trainer.max_epochs=3"), killed)
     assert rates(killed) == rates(whole)
     assert list(killed.glob("config_resumed_*.yaml"))
@@ -108,6 +107,41 @@ def test_a_job_killed_while_it_evaluated_trains_no_more(config, tmp_path):
     run_job(config(folder, "trainer.max_epochs=1"), folder)
     assert rates(folder) == expected
     assert (folder / "checkpoints" / "best.ckpt").stat().st_mtime_ns == weights
+
+
+def test_a_run_that_was_moved_still_knows_its_best(config, tmp_path):
+    folder, moved = tmp_path / "job", tmp_path / "moved"
+    run_job(config(folder, "trainer.max_epochs=2"), folder)
+    status, expected = read_status(folder), rates(folder)
+    folder.rename(moved)
+    write_status(moved, Status("running"))
+    (moved / "results.csv").unlink()
+    run_job(config(moved, "trainer.max_epochs=2"), moved)
+    assert read_status(moved) == status
+    assert rates(moved) == expected
+
+
+def test_what_chooses_the_weights_is_a_part_of_the_config(config, tmp_path):
+    folder = tmp_path / "job"
+    run_job(config(folder, "trainer.max_epochs=1"), folder)
+    with pytest.raises(DeepringError, match=r"callbacks\.checkpoint\.mode: max, now min"):
+        run_job(config(folder, "trainer.max_epochs=1", "callbacks.checkpoint.mode=min"), folder)
+
+
+def test_a_failure_before_the_start_is_kept_too(config, tmp_path):
+    folder = tmp_path / "job"
+    with pytest.raises(DeepringError, match="nowhere"):
+        run_job(config(folder, "data.root=/nowhere"), folder)
+    assert read_status(folder).state == "failed"
+
+
+@pytest.mark.parametrize("text", ["", "- 1", "seed: [", "a: ${"])
+def test_a_config_that_cannot_be_read_is_named(config, tmp_path, text):
+    folder = tmp_path / "job"
+    folder.mkdir()
+    (folder / "config.yaml").write_text(text)
+    with pytest.raises(DeepringError, match=r"(?s)config\.yaml.*delete that folder"):
+        run_job(config(folder, "trainer.max_epochs=1"), folder)
 
 
 def test_a_folder_of_another_config_is_refused_and_stays(config, tmp_path):
@@ -165,9 +199,10 @@ def test_status_reads_back_and_junk_is_named(tmp_path):
     for status in (Status("running"), Status("failed", error="why"), Status("finished", score=0.5)):
         write_status(tmp_path, status)
         assert read_status(tmp_path) == status
-    (tmp_path / "status.json").write_text('{"state": "fin')
-    with pytest.raises(DeepringError, match=r"status\.json"):
-        read_status(tmp_path)
+    for junk in ('{"state": "fin', '{"state": "zzz"}', '{"state": "failed", "error": 5}', "[1]"):
+        (tmp_path / "status.json").write_text(junk)
+        with pytest.raises(DeepringError, match=r"status\.json"):
+            read_status(tmp_path)
 
 
 def test_a_failure_names_the_type_where_it_is_no_mistake(tmp_path):

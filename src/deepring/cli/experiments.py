@@ -13,7 +13,7 @@ from omegaconf import DictConfig
 
 from deepring.cli.process import tune_process
 from deepring.cli.report import console, mistakes_reported
-from deepring.cli.sweeps import in_parallel, is_sweep, naming, outcome_noted, report_sweep
+from deepring.cli.sweeps import in_parallel, is_sweep, naming, outcome_noted, run_sweep
 from deepring.evaluation.results import Result
 from deepring.evaluation.tables import render, render_radii
 from deepring.experiment.config import (
@@ -40,10 +40,8 @@ def train_command(arguments: Sequence[str]) -> None:
     other or as the launcher has it.
     """
     if is_sweep(arguments):
-        _run_hydra(
-            "train", _sweep_job, [*arguments, *naming(arguments, config_folder() / "ablation")]
-        )
-        report_sweep()
+        named = naming(arguments, config_folder() / "ablation")
+        run_sweep(lambda: _run_hydra("train", _sweep_job, [*arguments, *named]))
         return
     resumed = [a.partition("=")[2] for a in arguments if a.startswith("resume=")]
     if resumed and (folder := run_of(Path(resumed[-1]))) is not None:

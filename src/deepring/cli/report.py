@@ -15,6 +15,12 @@ R = TypeVar("R")
 #: Exit status of a user's mistake, as argparse and Hydra-less tools have it.
 MISTAKE = 2
 
+#: Exit status after Ctrl-C.
+INTERRUPTED = 130
+
+#: Exit status after Ctrl-C.
+INTERRUPTED = 130
+
 #: Where output goes to a file or a pipe it is wide enough for every table.
 console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 110)
 
@@ -32,7 +38,7 @@ def mistakes_reported(command: Callable[P, R]) -> Callable[P, R]:
             return command(*args, **kwargs)
         except KeyboardInterrupt:
             print("interrupted", file=sys.stderr)
-            sys.exit(130)
+            sys.exit(INTERRUPTED)
         except Exception as error:
             if not is_mistake(error):
                 raise

@@ -217,7 +217,7 @@ def _seeds(entries: Sequence[Entry]) -> list[str]:
     if not lacking:
         return [note]
     rows = "; ".join(f"{_label(entry)} has {_listed(entry.recalls)}" for entry in lacking)
-    return [note, f"rows are not over the same seeds: {rows}"]
+    return [note, f"rows are not over the same seeds, so that none is marked best: {rows}"]
 
 
 def _listed(seeds: Iterable[int]) -> str:

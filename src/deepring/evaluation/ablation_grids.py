@@ -1,7 +1,7 @@
 """Ablation tables as grids: as the paper prints them, and in full for the CSV file."""
 
 import statistics
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from deepring.evaluation.ablation import (
     CLASSES,
@@ -54,7 +54,7 @@ def _rows_grid(table: AblationTable) -> Grid:
     names = list(table.entries[0].names)
     grouped = names[0] == GROUP
     with_paper = grouped or any(entry.paper is not None for entry in table.entries)
-    values = best_bold([entry.text for entry in table.entries])
+    values = _best_bold(table.entries)
     groups = [entry.names[GROUP] if grouped else "" for entry in table.entries]
     breaks = [k for k in range(1, len(groups)) if groups[k] != groups[k - 1]]
     rows = []
@@ -74,7 +74,7 @@ def _ways_grid(table: AblationTable) -> Grid:
     keys = [name for name in table.entries[0].names if name != CLASSES]
     lines: dict[tuple[str, ...], dict[str, Cell]] = {}
     paper: dict[str, Cell] = {}
-    cells = best_bold([entry.text for entry in table.entries])
+    cells = _best_bold(table.entries)
     for entry, cell in zip(table.entries, cells, strict=True):
         lines.setdefault(tuple(entry.names[key] for key in keys), {})[entry.names[CLASSES]] = cell
         if entry.paper is not None:
@@ -88,6 +88,12 @@ def _ways_grid(table: AblationTable) -> Grid:
         rows.append([Cell("paper"), *blank, *(paper.get(way, Cell(NONE)) for way in ways)])
     headers = [CLASSES, *keys, *ways]
     return Grid(table.title, headers, rows, 1 + len(keys), [len(lines)], table.notes)
+
+
+def _best_bold(entries: Sequence[Entry]) -> list[Cell]:
+    """The best mean in bold; none where means are not over the same seeds, and so the same data."""
+    alike = len({frozenset(entry.recalls) for entry in entries}) == 1
+    return best_bold([entry.text for entry in entries], max if alike else None)
 
 
 def _by_ways(entries: Iterable[Entry]) -> list[Entry]:

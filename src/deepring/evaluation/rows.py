@@ -22,8 +22,9 @@ HEADLINE = "evaluation.radii[0]"
 
 #: Cannot change what is learnt: where a run lies, what it shows and what it is compared with.
 _IRRELEVANT = re.compile(
-    r"(seed|paths|experiment_name|sweep_name|logger|callbacks|resume|checkpoint|workers|methods"
-    r"|test|allow_overlap|evaluation\.figures)(\..*)?"
+    r"(seed|paths|experiment_name|sweep_name|logger|resume|checkpoint|workers|methods"
+    r"|callbacks\.(progress|learning_rate)|test|allow_overlap|evaluation\.figures)(\..*)?"
+    r"|callbacks\..*\.dirpath"
     r"|trainer\.(_target_|accelerator|log_every_n_steps|num_sanity_val_steps|profiler"
     r"|enable_.*|deterministic|default_root_dir|logger|callbacks)"
 )

@@ -15,6 +15,7 @@ from lightning.pytorch.utilities import rank_zero_only
 from omegaconf import OmegaConf
 
 from deepring.experiment.config import Config
+from deepring.files import replacing
 
 PACKAGES = ("deepring", "torch", "lightning", "hydra-core", "torchmetrics", "numpy", "scipy")
 
@@ -28,9 +29,14 @@ def open_run_folder(cfg: Config, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     resumed = (folder / "config.yaml").exists()
     suffix = time.strftime("_resumed_%Y-%m-%d_%H-%M-%S") if resumed else ""
-    (folder / f"config{suffix}.yaml").write_text(OmegaConf.to_yaml(cfg, resolve=True))
-    record = json.dumps(versions(cfg.seed), indent=2)
-    (folder / f"versions{suffix}.json").write_text(record + "\n")
+    record = json.dumps(versions(cfg.seed), indent=2) + "\n"
+    texts = {
+        f"config{suffix}.yaml": OmegaConf.to_yaml(cfg, resolve=True),
+        f"versions{suffix}.json": record,
+    }
+    for name, text in texts.items():
+        with replacing(folder / name) as temporary:
+            temporary.write_text(text)
 
 
 def is_first_process() -> bool:

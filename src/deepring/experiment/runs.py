@@ -84,14 +84,13 @@ def _run_folders(path: Path) -> Iterator[Path]:
     """Folders with a status, sorted; neither links nor hidden folders are followed."""
     for place, folders, files in os.walk(path):
         if "status.json" in files:
-            folders.clear()  # a run holds no further runs
             yield Path(place)
         folders[:] = sorted(name for name in folders if not name.startswith("."))
 
 
 def _unusable(folder: Path, status: Status) -> str | None:
     if status.state == "failed":
-        return f"failed: {(status.error or 'no reason given').strip().splitlines()[0]}"
+        return f"failed: {((status.error or '').strip() or 'no reason given').splitlines()[0]}"
     if status.state != "finished":
         return "unfinished: still running, or killed"
     if not (folder / "results.csv").is_file():

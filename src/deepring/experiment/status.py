@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 from filelock import FileLock, Timeout
 
@@ -33,13 +33,21 @@ def read_status(folder: Path) -> Status | None:
     """
     path = folder / "status.json"
     try:
-        return Status(**json.loads(path.read_text()))
+        return _checked(Status(**json.loads(path.read_text())))
     except FileNotFoundError:
         return None
     except (OSError, ValueError, TypeError) as error:
         raise DeepringError(
             f"{path}: {error}; expected the status of a run; delete the file to run it again"
         ) from None
+
+
+def _checked(status: Status) -> Status:
+    if status.state not in get_args(State):
+        raise ValueError(f"state {status.state!r}, expected one of {', '.join(get_args(State))}")
+    if not isinstance(status.error, str | None) or not isinstance(status.score, float | int | None):
+        raise TypeError(f"error {status.error!r}, score {status.score!r}; expected text, a number")
+    return status
 
 
 def write_status(folder: Path, status: Status) -> None:

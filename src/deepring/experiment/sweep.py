@@ -1,6 +1,7 @@
 """One job of a sweep: skipped where it has finished, gone on with where it was killed."""
 
 import logging
+import re
 from pathlib import Path
 from typing import Any, cast
 
@@ -10,13 +11,16 @@ from yaml import YAMLError
 
 from deepring.errors import DeepringError
 from deepring.experiment.config import Config, flattened
-from deepring.experiment.status import read_status, sole_worker
+from deepring.experiment.status import failure_noted, read_status, sole_worker
 from deepring.experiment.train import train
 
 log = logging.getLogger(__name__)
 
 #: What may differ between a run and its going on: where it lies and what it shows.
-IGNORED = ("resume", "paths", "workers", "callbacks", "logger", "experiment_name", "sweep_name")
+IGNORED = re.compile(
+    r"(resume|paths|workers|logger|experiment_name|sweep_name|callbacks\.(progress|learning_rate))"
+    r"(\..*)?|callbacks\..*\.dirpath"
+)
 
 
 def run_job(cfg: Config, folder: Path) -> float | None:
@@ -38,7 +42,8 @@ def run_job(cfg: Config, folder: Path) -> float | None:
         if last.is_file():
             log.info("going on from %s", last)
             cfg.resume = str(last)
-        return train(cfg, folder, latest=False).score
+        with failure_noted(folder):
+            return train(cfg, folder, latest=False).score
 
 
 def _check_alone(cfg: Config) -> None:
@@ -54,14 +59,20 @@ def _check_same(cfg: Config, path: Path) -> None:
     """Refuse a folder whose config is another one."""
     try:
         kept = OmegaConf.to_container(OmegaConf.load(path), resolve=True)
-    except (OmegaConfBaseException, YAMLError, OSError) as error:
-        raise DeepringError(f"{path}: {error}; expected the config of a run") from None
+    except (OmegaConfBaseException, YAMLError, OSError, UnicodeDecodeError) as error:
+        raise DeepringError(
+            f"{path}: {error}; expected the config of a run; delete that folder to begin it again"
+        ) from None
+    if not isinstance(kept, dict) or not kept:
+        raise DeepringError(
+            f"{path}: holds no config of a run; delete that folder to begin it again"
+        )
     asked = OmegaConf.to_container(cast("Any", cfg), resolve=True)
     before, now = flattened(kept), flattened(asked)
     keys = sorted(
         key
         for key in before.keys() | now.keys()
-        if key.partition(".")[0] not in IGNORED and before.get(key) != now.get(key)
+        if not IGNORED.fullmatch(key) and before.get(key) != now.get(key)
     )
     if keys:
         changes = "; ".join(f"{key}: {before.get(key)}, now {now.get(key)}" for key in keys[:5])

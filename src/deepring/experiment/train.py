@@ -15,7 +15,7 @@ from deepring.experiment import build
 from deepring.experiment.config import Config
 from deepring.experiment.evaluate import distance_to_training, evaluate, plan_evaluation
 from deepring.experiment.run_folder import LinkLatest, is_first_process, open_run_folder
-from deepring.experiment.status import Status, failure_noted, write_status
+from deepring.experiment.status import Status, write_status
 from deepring.training.module import DeepRingModule, load_deepring
 
 log = logging.getLogger(__name__)
@@ -60,12 +60,11 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> Trained:
         sum(p.numel() for p in module.method.parameters()),
         " + ".join(dataset.name for dataset in datasets),
     )
-    with failure_noted(folder):
-        _fit(trainer, module, datamodule, cfg.resume, folder)
-        checkpoint, score = _best_checkpoint(trainer, folder)
-        results = []
-        if cfg.test and trainer.is_global_zero:
-            results = evaluate(cfg, folder, plan_evaluation(cfg, checkpoint, test))
+    _fit(trainer, module, datamodule, cfg.resume, folder)
+    checkpoint, score = _best_checkpoint(trainer, folder)
+    results = []
+    if cfg.test and trainer.is_global_zero:
+        results = evaluate(cfg, folder, plan_evaluation(cfg, checkpoint, test))
     if trainer.is_global_zero:
         write_status(folder, Status("finished", score=score))
     return Trained(folder, checkpoint, results, score)

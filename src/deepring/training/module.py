@@ -136,6 +136,7 @@ def load_deepring(checkpoint: Path | str) -> TrainedNetwork:
         raise
     except Exception as error:  # torch.load raises many kinds for a damaged file
         raise DeepringError(
-            f"checkpoint: {path} is no DeepRING checkpoint of this version ({type(error).__name__})"
+            f"checkpoint: {path} is no whole DeepRING checkpoint of this version "
+            f"({type(error).__name__}); take another, or delete it to train anew"
         ) from error
     return TrainedNetwork(method.eval(), str(kept["trained_on"]), str(kept["loss"]))
