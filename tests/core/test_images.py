@@ -116,7 +116,7 @@ def test_rasters_come_back_from_their_settings(kind):
 
 def test_unknown_raster_values_are_named():
     with pytest.raises(DeepringError, match=r"raster\.kind"):
-        make_raster({"kind": "voxels"})
+        make_raster({"kind": "cubes"})
     with pytest.raises(DeepringError, match="celsl"):
         make_raster({"kind": "bev", "celsl": 3})
 

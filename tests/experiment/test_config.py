@@ -57,7 +57,7 @@ def test_a_missing_value_names_its_key(composed):
     [
         ("encoder.tau_padding=round", "tau_padding"),
         ("encoder.norm=layer", r"encoder\.norm"),
-        ("representation.raster.kind=voxels", r"raster\.kind"),
+        ("representation.raster.kind=cubes", r"raster\.kind"),
         ("similarity.normalisation=max", r"similarity\.normalisation"),
         ("aggregation.kind=sum", r"aggregation\.kind"),
         ("representation.pool=7", r"representation\.pool"),

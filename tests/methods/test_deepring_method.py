@@ -217,7 +217,7 @@ def test_settings_that_do_not_exist_are_named():
     [
         (r"similarity\.normalisation: 'l2'", {"normalisation": "l2"}),
         (r"aggregation\.kind: 'max'", {"aggregation": "max"}),
-        (r"raster\.kind", {"raster": {"kind": "voxels"}}),
+        (r"raster\.kind", {"raster": {"kind": "cubes"}}),
         (r"raster\.kind", {"raster": {}}),
         ("ContextRaster", {"raster": raster_settings(ContextRaster())}),
         (r"representation\.pool: 7", {"pool": 7}),

@@ -137,6 +137,22 @@ def polar_highest(points, radius, sectors, rings, out):
 
 
 @njit(cache=True, nogil=True)
+def polar_layers(points, radius, low, high, out):
+    """Mark in ``out`` (layers, sectors, rings) bool the polar cells of each layer of height that
+    hold a point; the layers share [low, high)."""
+    layers, sectors, rings = out.shape
+    for k in range(points.shape[0]):
+        x, y = points[k, 0], points[k, 1]
+        ring = int(math.sqrt(x * x + y * y) / radius * rings)
+        layer = math.floor((points[k, 2] - low) / (high - low) * layers)
+        if ring >= rings or not 0 <= layer < layers:
+            continue
+        turn = math.atan2(y, x) / (2.0 * math.pi)
+        sector = int((turn - math.floor(turn)) * sectors) % sectors
+        out[layer, sector, ring] = True
+
+
+@njit(cache=True, nogil=True)
 def nearest_return(points, viewpoint, sectors, rows, lowest, highest, out):
     """Lower ``out`` (sectors, rows) float32 to the smallest range in each direction."""
     for k in range(points.shape[0]):

@@ -1,4 +1,4 @@
-"""Polar images: the polar gram (paper, Sec. III-A) and Scan Context's height map."""
+"""Polar images: the polar gram (paper, Sec. III-A), in layers, and Scan Context's height map."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,3 +35,27 @@ def polar_gram(
     image = np.full((sectors, rings), -np.inf, dtype=np.float32)
     _kernels.polar_highest(np.ascontiguousarray(points), radius, sectors, rings, image)
     return image > -np.inf
+
+
+def polar_layers(
+    points: NDArray[np.float32],
+    radius: float = 70.0,
+    height: tuple[float, float] = (2.0, 20.0),
+    shape: tuple[int, int, int] = (20, 120, 40),
+) -> NDArray[np.bool_]:
+    """Occupancy over polar cells in layers of height, (layers, sectors, rings) bool.
+
+    Sectors as in `scan_context`, on axis -2. Source: DiSCO (Xu et al. 2021, Sec. III-A).
+
+    Args:
+        points: (n, 3) float32, metres, z above the ground.
+        radius: outer radius, metres.
+        height: [low, high) that the layers share equally, metres; the lowest comes first.
+        shape: layers, sectors and rings.
+    """
+    from deepring.core import _kernels
+
+    image = np.zeros(shape, dtype=np.bool_)
+    low, high = height
+    _kernels.polar_layers(np.ascontiguousarray(points), radius, low, high, image)
+    return image

@@ -1,10 +1,10 @@
-"""From the points of a scan to the image that is cached: one small class a kind of image.
+"""From the points of a scan to the array that is cached: one small class a kind of array.
 
-A raster is a frozen dataclass of plain values: it names everything that made an image, so it
-is the cache's key and travels in a checkpoint.
+The images are here, the sets of points and voxels in `deepring.core.point_rasters`. A raster is
+a frozen dataclass of plain values: it names everything that made an array, so it is the cache's
+key and travels in a checkpoint.
 """
 
-import math
 from dataclasses import asdict, dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
@@ -13,38 +13,19 @@ from numpy.typing import NDArray
 
 from deepring.core.bev import bev_occupancy
 from deepring.core.ground import Preprocessing
-from deepring.core.polar import polar_gram, scan_context
+from deepring.core.point_rasters import PointsRaster, VoxelRaster
+from deepring.core.polar import polar_gram, polar_layers, scan_context
 from deepring.core.range_image import range_image
+from deepring.core.raster_checks import check_crop, check_fields
 from deepring.errors import DeepringError
-
-
-def check_fields(raster: Any, counts: tuple[str, ...], lengths: tuple[str, ...]) -> None:
-    """Raise DeepringError where a count is no positive whole number or a length not positive."""
-    for name in counts + lengths:
-        value = getattr(raster, name)
-        whole = isinstance(value, int) and not isinstance(value, bool)
-        number = whole or (name in lengths and isinstance(value, float))
-        if not number or not 0 < value < math.inf:
-            kind = "a whole number" if name in counts else "a length in metres"
-            raise DeepringError(f"raster.{name}: {value!r}, expected {kind} above 0")
-
-
-def check_crop(raster: Any, reach: float) -> None:
-    """Raise DeepringError where the preprocessing cuts off what the raster would show."""
-    extent = raster.preprocessing.extent
-    if extent < reach:
-        raise DeepringError(
-            f"preprocessing.extent: {extent:g} m, but the {type(raster).__name__} reaches to "
-            f"{reach:g} m; expected at least that"
-        )
 
 
 @runtime_checkable
 class Raster(Protocol):
-    """Points to image."""
+    """Points to image: an array of a fixed shape, two axes or more."""
 
     @property
-    def shape(self) -> tuple[int, int]:
+    def shape(self) -> tuple[int, ...]:
         """Shape of one image."""
         ...
 
@@ -184,11 +165,64 @@ class ContextRaster:
         return scan_context(kept, self.radius, self.sectors, self.rings).astype(np.float16)
 
 
+@dataclass(frozen=True)
+class HeightRaster:
+    """DiSCO's input: the polar gram in layers of height, lowest first.
+
+    The axes are (height, θ, r), so that a batch is (b, channels, θ, r) and a turn of the scan by
+    +2π / sectors rolls axis -2 by +1, as in all other rasters. The published code
+    (MaverickPeter/DiSCO-pytorch) has (height, r, θ). ``layers`` of equal height share ``height``,
+    metres above the ground; what lies outside is left out.
+
+    The published code crops z to 2 to 20 m above the vehicle's frame and cuts ±20 m into 20 layers
+    of 2 m, of which 11 are always empty; ``height=(-20, 20)`` gives its layers. It leaves out the
+    10 m square around the sensor and counts what lies beyond ``radius`` in the square's corners
+    to the last ring; neither is done here.
+    """
+
+    layers: int = 20
+    sectors: int = 120
+    rings: int = 40
+    radius: float = 70.0
+    height: tuple[float, float] = (2.0, 20.0)
+    preprocessing: Preprocessing = field(
+        default_factory=lambda: Preprocessing(height=(2.0, 20.0), clearance=None)
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, ("layers", "sectors", "rings"), ("radius",))
+        check_crop(self, self.radius)
+        object.__setattr__(self, "height", tuple(self.height))
+        low, high = self.height
+        if not low < high:
+            raise DeepringError(
+                f"raster.height: {[low, high]}, expected [low, high] in metres with low < high"
+            )
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(height, θ, r)."""
+        return (self.layers, self.sectors, self.rings)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Bits."""
+        return np.dtype(np.bool_)
+
+    def __call__(self, points: NDArray[np.float32], ground_z: float) -> NDArray[np.bool_]:
+        """Occupied cells, (layers, sectors, rings) bool."""
+        kept = self.preprocessing(points, ground_z)
+        return polar_layers(kept, self.radius, self.height, self.shape)
+
+
 RASTERS: dict[str, type[Raster]] = {
     "bev": BevRaster,
     "polar": PolarRaster,
     "range": RangeRaster,
     "context": ContextRaster,
+    "heights": HeightRaster,
+    "points": PointsRaster,
+    "voxels": VoxelRaster,
 }
 
 

@@ -1,0 +1,42 @@
+"""2-D spectra of polar feature maps: DiSCO's signature and its phase correlation.
+
+Source: Xu et al. (RA-L 2021, Sec. III); MaverickPeter/DiSCO-pytorch.
+"""
+
+import torch
+from torch import Tensor
+
+from deepring.core.correlation import Match
+
+#: Under the root, so that the magnitude's gradient is finite where a spectrum vanishes.
+EPSILON = 1e-15
+
+
+def central_magnitude(feature: Tensor, size: int = 32) -> Tensor:
+    """|2-D DFT| around frequency zero, (..., θ, r) real -> (..., size * size) float32.
+
+    Orthonormal, shifted so that frequency zero lies in the middle, and cut to the ``size`` lowest
+    frequencies of either axis, which must be as long. Circular shifts along θ, and along r as
+    well, leave it unchanged. As the map is real, nearly every value comes twice.
+    """
+    spectrum = torch.fft.fft2(feature.float(), norm="ortho")
+    magnitude = (spectrum.real.square() + spectrum.imag.square() + EPSILON).sqrt()
+    centred = torch.fft.fftshift(magnitude, dim=(-2, -1))
+    first, left = (length // 2 - size // 2 for length in feature.shape[-2:])
+    return centred[..., first : first + size, left : left + size].flatten(-2)
+
+
+def phase_correlation(queries: Tensor, entries: Tensor) -> Match:
+    """The peak of the phase correlation of maps (..., θ, r), and its shift along θ: (...).
+
+    The leading axes broadcast. The peak is sought over shifts along both axes, as published, and
+    is 1 for maps that are circular shifts of each other. The shift is that of `Match`: the query
+    is the entry's rows rolled by +shift.
+    """
+    q, d = (torch.fft.rfft2(maps.float()) for maps in (queries, entries))
+    cross = q * d.conj()
+    phase = cross / cross.abs().clamp_min(1e-12)
+    rows, columns = queries.shape[-2:]
+    curves = torch.fft.irfft2(phase, s=(rows, columns))
+    peak, where = curves.flatten(-2).max(dim=-1)
+    return Match(peak, torch.div(where, columns, rounding_mode="floor"))

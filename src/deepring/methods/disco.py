@@ -1,0 +1,91 @@
+"""DiSCO (Xu et al., RA-L 2021; MaverickPeter/DiSCO-pytorch)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import torch
+from torch import Tensor
+
+from deepring.core.correlation import shift_to_yaw
+from deepring.core.phase import central_magnitude, phase_correlation
+from deepring.core.rasters import HeightRaster, raster_settings
+from deepring.core.similarity import negative_distance
+from deepring.errors import DeepringError
+from deepring.methods.base import Comparison
+from deepring.methods.network import NetworkMethod, PlainSettings
+from deepring.nn.disco import DiscoUNet, PolarPadding
+
+
+@dataclass(frozen=True)
+class DiscoSettings(PlainSettings):
+    """Everything that makes a descriptor but the weights. Plain values, kept in checkpoints.
+
+    ``size`` is the side of the square cut out of the spectrum. ``aligned`` is the number of the
+    most alike entries whose yaw is sought for each query; None seeks all.
+    """
+
+    label: ClassVar[str] = "DiSCO"
+
+    raster: dict[str, Any] = field(default_factory=lambda: raster_settings(HeightRaster()))
+    widths: Sequence[int] = (64, 128, 256, 512)
+    padding: PolarPadding = "zero"
+    size: int = 32
+    aligned: int | None = 1
+
+
+class Disco(NetworkMethod):
+    """Polar occupancy (b, heights, θ, r) -> UNet -> feature map (b, θ, r), the descriptor.
+
+    Places are compared by the `signature` of the map, size² numbers (1024). The map itself is
+    kept, since its phase holds the yaw. A turn of the scan rolls θ; the signature is invariant to
+    rolls that the network commutes with: with circular padding exactly to those by the network's
+    stride, with the published zero padding only as far as training brings it.
+    """
+
+    def __init__(self, settings: DiscoSettings | None = None) -> None:
+        settings = DiscoSettings() if settings is None else settings
+        super().__init__(settings.label, settings.raster, HeightRaster)
+        heights, sectors, rings = self.raster.shape
+        if not 1 <= settings.size <= min(sectors, rings):
+            raise DeepringError(
+                f"disco.size: {settings.size}, expected 1 to {min(sectors, rings)}, the smaller "
+                f"side of the raster's {sectors} x {rings}"
+            )
+        if settings.aligned is not None and settings.aligned < 1:
+            raise DeepringError(
+                f"disco.aligned: {settings.aligned}, expected null or at least 1 entry"
+            )
+        self.settings = settings
+        self.encoder = DiscoUNet(heights, settings.widths, settings.padding)
+
+    def forward(self, rasters: Tensor) -> Tensor:
+        """Feature maps (b, θ, r) of polar occupancy (b, heights, θ, r), 0 or 1 of any type."""
+        return self.encoder(rasters.float())
+
+    def signature(self, descriptors: Tensor) -> Tensor:
+        """The rotation invariant part of the descriptors, (b, size²): what L2 compares."""
+        return central_magnitude(descriptors, self.settings.size)
+
+    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+        """Negative Euclidean distance of signatures, and the yaw by phase correlation.
+
+        The yaw is NaN for entries that are not among the ``aligned`` most alike ones: like the
+        original, which aligns what it has retrieved.
+        """
+        score = negative_distance(self.signature(queries), self.signature(database))
+        count = self.settings.aligned
+        yaw = torch.full_like(score, torch.nan)
+        for k, query in enumerate(queries):  # the maps of one query's entries at a time
+            nearest = _nearest(score[k], count)
+            shift = phase_correlation(query, database[nearest]).shift
+            yaw[k, nearest] = shift_to_yaw(shift, query.shape[-2])
+        return Comparison(score, yaw)
+
+
+def _nearest(score: Tensor, count: int | None) -> Tensor:
+    """Indices of the ``count`` largest of (d,), all where count is None or more than d."""
+    if count is None or count >= len(score):
+        return torch.arange(len(score), device=score.device)
+    # argmax takes the first of equal scores, as retrieval does; topk promises nothing.
+    return score.argmax().unsqueeze(0) if count == 1 else score.topk(count).indices

@@ -1,0 +1,61 @@
+"""PointNetVLAD (Uy and Lee, CVPR 2018; mikacuy/pointnetvlad)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import torch.nn.functional as F
+from torch import Tensor
+
+from deepring.core.point_rasters import PointsRaster
+from deepring.core.rasters import raster_settings
+from deepring.core.similarity import negative_distance
+from deepring.methods.base import Comparison
+from deepring.methods.network import NetworkMethod, PlainSettings
+from deepring.nn.netvlad import NetVlad
+from deepring.nn.pointnet import PointFeatures
+
+
+@dataclass(frozen=True)
+class PointNetVladSettings(PlainSettings):
+    """Everything that makes a descriptor but the weights. Plain values, kept in checkpoints."""
+
+    label: ClassVar[str] = "PointNetVLAD"
+
+    raster: dict[str, Any] = field(default_factory=lambda: raster_settings(PointsRaster()))
+    first: Sequence[int] = (64, 64)
+    second: Sequence[int] = (64, 128, 1024)
+    transform_widths: Sequence[int] = (64, 128, 1024)
+    transform_hidden: Sequence[int] = (512, 256)
+    clusters: int = 64
+    dimension: int = 256
+    gating: bool = True
+
+
+class PointNetVlad(NetworkMethod):
+    """Points (b, n, 3) -> features of each (b, n, f) -> NetVLAD -> descriptors at unit norm.
+
+    The features are taken at unit norm, as in the published TensorFlow code. The order of the
+    points changes nothing; a turn of the scan does, since nothing here is invariant to it but
+    what training teaches the T-Nets.
+    """
+
+    def __init__(self, settings: PointNetVladSettings | None = None) -> None:
+        settings = PointNetVladSettings() if settings is None else settings
+        super().__init__(settings.label, settings.raster, PointsRaster)
+        self.settings = settings
+        self.features = PointFeatures(
+            settings.first, settings.second, settings.transform_widths, settings.transform_hidden
+        )
+        self.aggregate = NetVlad(
+            settings.second[-1], settings.clusters, settings.dimension, gating=settings.gating
+        )
+
+    def forward(self, rasters: Tensor) -> Tensor:
+        """Descriptors (b, dimension) float32 of points (b, n, 3), of any floating type."""
+        features = F.normalize(self.features(rasters.float()), dim=-1)
+        return F.normalize(self.aggregate(features), dim=-1)
+
+    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+        """Negative Euclidean distance, in [-2, 0]; the yaw is not known."""
+        return Comparison(negative_distance(queries, database), None)

@@ -1,0 +1,97 @@
+"""DiSCO's feature extraction network over polar occupancy (Xu et al., RA-L 2021)."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from deepring.errors import DeepringError
+from deepring.nn.circular import CircularConv2d, circular_upsample
+
+PolarPadding = Literal["zero", "circular"]
+
+
+class DiscoUNet(nn.Module):
+    """UNet over (b, heights, θ, r) -> (b, θ, r), as published in MaverickPeter/DiSCO-pytorch.
+
+    Each level has two 3x3 convolutions with batch norm and ReLU; the way down halves θ and r by
+    max pooling, the way up doubles them bilinearly and joins the skip. The last activation before
+    the 1x1 head is a sigmoid; the head itself has none, in the published code, so that values are
+    not confined to [0, 1]. (The convolutions' biases, which batch norm undoes, are left out.)
+
+    Args:
+        in_channels: layers of height.
+        widths: channels of each level; the number of levels is its length.
+        padding: 'zero', the published code's: zeros around θ and r and interpolation with aligned
+            corners, so that a turn of the scan is not quite a shift of the feature; 'circular'
+            closes θ as `CircularUNet` does, zeros around r alone: shifts of θ by the stride pass
+            through exactly.
+
+    Raises:
+        DeepringError: no level or no channel, another padding, an image the stride cannot halve.
+    """
+
+    def __init__(
+        self,
+        in_channels: int = 20,
+        widths: Sequence[int] = (64, 128, 256, 512),
+        padding: PolarPadding = "zero",
+    ) -> None:
+        super().__init__()
+        if not widths or min(widths) < 1:
+            raise DeepringError(
+                f"disco.widths: {list(widths)}, expected at least one level, each above 0"
+            )
+        if padding not in ("zero", "circular"):
+            raise DeepringError(f"disco.padding: {padding!r}, expected 'zero' or 'circular'")
+        self.padding = padding
+        self.stride = 2 ** (len(widths) - 1)
+        sources = [in_channels, *widths[:-1]]
+        self.down = nn.ModuleList(
+            _block(a, b, padding) for a, b in zip(sources, widths, strict=True)
+        )
+        self.up = nn.ModuleList(
+            _block(deep + skip, skip, padding)
+            for deep, skip in zip(widths[:0:-1], widths[-2::-1], strict=True)
+        )
+        last = (self.up or self.down)[-1]
+        assert isinstance(last, nn.Sequential)
+        last[-1] = nn.Sigmoid()
+        self.pool = nn.MaxPool2d(2)
+        self.head = nn.Conv2d(widths[0], 1, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Feature maps (b, θ, r) of polar occupancy (b, heights, θ, r)."""
+        if x.shape[-2] % self.stride or x.shape[-1] % self.stride:
+            raise DeepringError(
+                f"disco.widths: {len(self.down)} levels halve θ and r to a total stride of "
+                f"{self.stride}, which does not divide the raster's "
+                f"{x.shape[-2]} x {x.shape[-1]}; take fewer levels, or other sectors and rings"
+            )
+        skips = []
+        for block in self.down[:-1]:
+            x = block(x)
+            skips.append(x)
+            x = self.pool(x)
+        x = self.down[-1](x)
+        for block, skip in zip(self.up, reversed(skips), strict=True):
+            x = block(torch.cat([self._double(x), skip], dim=1))
+        return self.head(x)[:, 0]
+
+    def _double(self, x: Tensor) -> Tensor:
+        if self.padding == "circular":
+            return circular_upsample(x, "zero")
+        return F.interpolate(x, scale_factor=2, mode="bilinear", align_corners=True)
+
+
+def _block(in_channels: int, out_channels: int, padding: PolarPadding) -> nn.Sequential:
+    layers: list[nn.Module] = []
+    for source in (in_channels, out_channels):
+        if padding == "circular":
+            layers.append(CircularConv2d(source, out_channels, 3, "zero", bias=False))
+        else:
+            layers.append(nn.Conv2d(source, out_channels, 3, padding=1, bias=False))
+        layers += [nn.BatchNorm2d(out_channels), nn.ReLU(inplace=True)]
+    return nn.Sequential(*layers)

@@ -1,0 +1,73 @@
+"""NetVLAD: many features to one vector, by their residuals to learned centres.
+
+Source: Arandjelovic et al. (CVPR 2016, Sec. 3.1), with the projection and context gating of
+Miech et al. (LOUPE, 2017) as PointNetVLAD uses them (mikacuy/pointnetvlad, loupe.py).
+"""
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from deepring.errors import DeepringError
+
+
+class ContextGating(nn.Module):
+    """Each component times its gate, x ⊙ σ(BN(x W)): (b, d) -> (b, d)."""
+
+    def __init__(self, dimension: int) -> None:
+        super().__init__()
+        self.weight = nn.Parameter(torch.randn(dimension, dimension) / dimension**0.5)
+        self.norm = nn.BatchNorm1d(dimension)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Gate x."""
+        return x * torch.sigmoid(self.norm(x @ self.weight))
+
+
+class NetVlad(nn.Module):
+    """Features (b, n, f) of n points to one vector (b, dimension), whatever their order.
+
+    The assignment's weights and the centres are learned apart from each other. The projection is
+    followed by batch norm, which wants two or more clouds in training. The vector that comes out
+    is not normalised.
+
+    Args:
+        features: f.
+        clusters: number of centres.
+        dimension: of the vector.
+        gating: whether context gating follows the projection.
+    """
+
+    def __init__(
+        self, features: int = 1024, clusters: int = 64, dimension: int = 256, *, gating: bool = True
+    ) -> None:
+        super().__init__()
+        for name, value in (
+            ("features", features),
+            ("clusters", clusters),
+            ("dimension", dimension),
+        ):
+            if value < 1:
+                raise DeepringError(f"netvlad.{name}: {value}, expected at least 1")
+        self.assignment = nn.Parameter(torch.randn(features, clusters) / features**0.5)
+        self.assignment_norm = nn.BatchNorm1d(clusters)
+        self.centres = nn.Parameter(torch.randn(clusters, features) / features**0.5)
+        self.projection = nn.Parameter(torch.randn(clusters * features, dimension) / clusters**0.5)
+        self.projection_norm = nn.BatchNorm1d(dimension)
+        self.gate = ContextGating(dimension) if gating else nn.Identity()
+
+    def residuals(self, x: Tensor) -> Tensor:
+        """V_k = Σ_i a_k(x_i) (x_i - c_k), intra-normalised, then at unit norm: (b, clusters, f).
+
+        a_k(x) is the softmax over k of BN(x W). Each V_k has norm 1 before the whole gets it, or
+        0 where it vanishes.
+        """
+        logits = x @ self.assignment
+        share = self.assignment_norm(logits.flatten(0, 1)).view_as(logits).softmax(dim=-1)
+        vlad = share.transpose(1, 2) @ x - share.sum(dim=1).unsqueeze(-1) * self.centres
+        return F.normalize(F.normalize(vlad, dim=2).flatten(1), dim=1).view_as(vlad)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Vectors (b, dimension) of features (b, n, f)."""
+        vector = self.residuals(x).flatten(1) @ self.projection
+        return self.gate(self.projection_norm(vector))

@@ -1,0 +1,248 @@
+"""DiSCO: turns that change nothing and those that do, the yaw by phase correlation, settings."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scenes import scattered
+
+from deepring.core.equivariance import assert_invariant, relative_error
+from deepring.core.ground import Preprocessing
+from deepring.core.phase import central_magnitude, phase_correlation
+from deepring.core.rasters import HeightRaster, PolarRaster, raster_settings
+from deepring.core.rigid import turn_points
+from deepring.errors import DeepringError
+from deepring.methods.base import Method
+from deepring.methods.disco import Disco, DiscoSettings
+
+RASTER = HeightRaster(
+    layers=3,
+    sectors=24,
+    rings=16,
+    height=(0.0, 9.0),
+    preprocessing=Preprocessing(height=(0.0, 9.0), clearance=None),
+)
+
+
+def small(**changes):
+    values = {"raster": raster_settings(RASTER), "widths": (4, 6, 8), "size": 8}
+    return DiscoSettings(**{**values, **changes})
+
+
+def network(**changes):
+    """float64, in evaluation mode, with batch statistics that are not the initial ones."""
+    torch.manual_seed(0)
+    net = Disco(small(**changes))
+    with torch.no_grad():
+        for seed in range(3):
+            net(images(8, seed + 20))
+    return net.eval()
+
+
+def images(n=4, seed=9):
+    generator = torch.Generator().manual_seed(seed)
+    return (torch.rand(n, *RASTER.shape, generator=generator) > 0.8).to(torch.uint8)
+
+
+def maps(*shape, seed=0):
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
+
+
+def signature(net):
+    return lambda x: net.signature(net(x))
+
+
+def turn(steps):
+    return lambda x: x.roll(steps, dims=-2)
+
+
+def test_it_is_a_method_of_1024_numbers():
+    net = network()
+    assert isinstance(net, Method)
+    assert net.raster == RASTER
+    assert net.describe(images()).shape == (4, 24, 16)
+    published = DiscoSettings()
+    assert published.raster["layers"] == 20
+    assert (published.raster["sectors"], published.raster["rings"]) == (120, 40)
+    assert published.raster["radius"] == 70.0
+    assert central_magnitude(torch.zeros(2, 120, 40), published.size).shape == (2, 1024)
+
+
+@pytest.mark.parametrize("strides", [1, 3, -2])
+def test_turns_by_the_stride_change_nothing_with_circular_padding(strides):
+    net = network(padding="circular")
+    assert net.encoder.stride == 4
+    assert_invariant(signature(net), images(), turn(4 * strides), tolerance=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("padding", "act"),
+    [
+        ("circular", turn(1)),
+        ("circular", turn(2)),
+        ("circular", lambda x: x.roll(4, dims=-1)),  # away from the sensor
+        ("zero", turn(4)),
+    ],
+    ids=["one row", "half a stride", "radial", "zero padding"],
+)
+def test_other_shifts_do_change_the_signature(padding, act):
+    net = network(padding=padding)
+    with torch.no_grad():
+        plain, shifted = signature(net)(images()), signature(net)(act(images()))
+        other = signature(net)(images(seed=10))
+    # The magnitude at frequency zero, the same for all, is left out.
+    mean = plain.mean(dim=0)
+    apart, foreign = ((a - plain).norm() / (plain - mean).norm() for a in (shifted, other))
+    assert 1e-3 < apart < foreign
+
+
+def test_the_signature_against_numpy():
+    feature = maps(2, 12, 10)
+    spectrum = np.abs(np.fft.fftshift(np.fft.fft2(feature.numpy()), axes=(1, 2))) / np.sqrt(120)
+    expected = spectrum[:, 6 - 3 : 6 + 3, 5 - 3 : 5 + 3].reshape(2, 36)
+    assert np.allclose(central_magnitude(feature, 6).numpy(), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("axis", [-2, -1])
+def test_circular_shifts_of_the_map_leave_the_signature(axis):
+    assert_invariant(
+        lambda x: central_magnitude(x, 6), maps(3, 12, 10), lambda x: x.roll(5, axis), 1e-5
+    )
+    flipped = central_magnitude(maps(3, 12, 10).flip(-2), 6)
+    assert relative_error(flipped, central_magnitude(maps(3, 12, 10), 6)) > 0.1
+
+
+def test_a_vanishing_map_has_a_finite_gradient():
+    feature = torch.zeros(1, 8, 8, requires_grad=True)
+    central_magnitude(feature, 8).sum().backward()
+    assert torch.isfinite(feature.grad).all()
+
+
+def peak_by_loop(query, entry):
+    """Σ of the whitened query's products with the whitened entry, at every circular shift."""
+    white = []
+    for image in (query, entry):
+        spectrum = torch.fft.fft2(image.double())
+        white.append(torch.fft.ifft2(spectrum / spectrum.abs()).real)
+    best = (-math.inf, 0)
+    for i in range(query.shape[0]):
+        for j in range(query.shape[1]):
+            value = (white[0] * white[1].roll((i, j), dims=(0, 1))).sum().item()
+            best = max(best, (value, i))
+    return best
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(4, 9), st.integers(3, 8), st.integers(0, 99), st.floats(0, 1))
+def test_phase_correlation_against_brute_force(rows, columns, seed, noise):
+    entry = maps(rows, columns, seed=seed)
+    query = entry.roll((seed % rows, 1), dims=(0, 1)) + noise * maps(rows, columns, seed=seed + 1)
+    peak, shift = phase_correlation(query, entry)
+    expected, row = peak_by_loop(query, entry)
+    assert peak.item() == pytest.approx(expected, abs=1e-4)
+    if noise == 0:
+        assert shift.item() == row == seed % rows
+
+
+def test_phase_correlation_finds_the_shift_in_noise_and_broadcasts():
+    entries = maps(5, 24, 16)
+    shifts = torch.tensor([0, 1, 7, 12, 23])
+    queries = torch.stack([e.roll(int(s), 0) for e, s in zip(entries, shifts, strict=True)])
+    match = phase_correlation(queries + 0.5 * maps(5, 24, 16, seed=1), entries)
+    assert torch.equal(match.shift, shifts)
+    pairs = phase_correlation(queries[:, None], entries)
+    assert pairs.shift.shape == (5, 5)
+    assert torch.equal(pairs.shift.diagonal(), shifts)
+    assert torch.equal(pairs.score.argmax(dim=1), torch.arange(5))
+    assert torch.allclose(pairs.score.diagonal(), torch.ones(5), atol=1e-5)
+
+
+@pytest.mark.parametrize("steps", [0, 4, 12, 20])
+def test_the_yaw_is_the_turn_of_the_points_from_entry_to_query(steps):
+    net, angle = network(padding="circular"), steps * 2 * math.pi / 24
+    scans = [scattered(seed) for seed in range(3)]
+
+    def describe(points):
+        return net.describe(torch.from_numpy(net.raster(points, 0.0))[None])
+
+    database = torch.cat([describe(points) for points in scans])
+    query = describe(turn_points(scans[1], angle))
+    score, yaw = net.compare(query, database)
+    assert score.argmax().item() == 1
+    wanted = angle if angle < math.pi else angle - 2 * math.pi
+    assert yaw[0, 1].item() == pytest.approx(wanted, abs=1e-4)
+    back = net.compare(database[1:2], query).yaw.item()
+    assert math.cos(back + wanted) == pytest.approx(1.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("aligned", [1, 2, 5, 9, None])
+def test_only_the_most_alike_are_aligned(aligned):
+    net = network(aligned=aligned)
+    queries, database = net.describe(images(3)), net.describe(images(5, seed=10))
+    score, yaw = net.compare(queries, database)
+    known = yaw.isfinite()
+    assert known.sum(dim=1).tolist() == [min(aligned or 5, 5)] * 3
+    assert known.gather(1, score.argmax(dim=1, keepdim=True)).all()
+    assert score[known].view(3, -1).amin() >= score.masked_fill(known, -math.inf).amax(1).amin()
+    every = network(aligned=None).compare(queries, database).yaw
+    assert torch.equal(yaw[known], every[known])
+
+
+def test_scores_are_negative_distances_of_signatures():
+    net = network()
+    queries, database = net.describe(images(3)), net.describe(images(5, seed=10))
+    score = net.compare(queries, database).score
+    for i in range(3):
+        for j in range(5):
+            distance = (net.signature(queries[i]) - net.signature(database[j])).norm().item()
+            assert score[i, j].item() == pytest.approx(-distance, abs=1e-5)
+
+
+@pytest.mark.parametrize("padding", ["zero", "circular"])
+def test_every_parameter_takes_part(padding):
+    net = network(padding=padding).train()
+    (signature(net)(images()) * maps(4, 64)).sum().backward()
+    assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in net.parameters())
+
+
+def test_describing_leaves_training_mode_and_statistics_alone():
+    net = network().train()
+    before = {name: value.clone() for name, value in net.state_dict().items()}
+    assert not net.describe(images()).requires_grad
+    assert net.training
+    assert all(torch.equal(before[name], value) for name, value in net.state_dict().items())
+
+
+def test_settings_travel_as_plain_values():
+    chosen = small(padding="circular", aligned=None)
+    values = json.loads(json.dumps(chosen.to_dict()))
+    assert DiscoSettings.from_dict(values) == chosen
+    twin = Disco(DiscoSettings.from_dict(values))
+    net = network(padding="circular")
+    twin.load_state_dict(net.state_dict())
+    assert torch.equal(twin.describe(images()), net.describe(images()))
+
+
+@pytest.mark.parametrize(
+    ("message", "changes"),
+    [
+        (r"disco\.size: 17, expected 1 to 16", {"size": 17}),
+        (r"disco\.size: 0", {"size": 0}),
+        (r"disco\.aligned: 0", {"aligned": 0}),
+        (r"disco\.padding: 'reflect'", {"padding": "reflect"}),
+        (r"disco\.widths: \[\]", {"widths": ()}),
+        (r"DiSCO: raster PolarRaster", {"raster": raster_settings(PolarRaster())}),
+    ],
+)
+def test_bad_settings_are_named(message, changes):
+    with pytest.raises(DeepringError, match=message):
+        Disco(small(**changes))
+
+
+def test_bad_names_are_named():
+    with pytest.raises(DeepringError, match=r"DiSCO settings: .*rings"):
+        DiscoSettings.from_dict({"rings": 40})
