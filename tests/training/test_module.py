@@ -138,10 +138,10 @@ def test_a_missing_or_foreign_checkpoint_is_one_clear_error(tmp_path):
     with pytest.raises(DeepringError, match="is no file"):
         load_deepring(tmp_path / "none.ckpt")
     (tmp_path / "junk.ckpt").write_bytes(b"not a checkpoint")
-    with pytest.raises(DeepringError, match="is no DeepRING checkpoint"):
+    with pytest.raises(DeepringError, match="is no whole DeepRING checkpoint"):
         load_deepring(tmp_path / "junk.ckpt")
     torch.save({"state_dict": {}}, tmp_path / "other.ckpt")
-    with pytest.raises(DeepringError, match="is no DeepRING checkpoint"):
+    with pytest.raises(DeepringError, match="is no whole DeepRING checkpoint"):
         load_deepring(tmp_path / "other.ckpt")
 
 
