@@ -1,9 +1,11 @@
 """The config as types: misspelt keys and wrong types are refused, by name."""
 
 import dataclasses
+from itertools import combinations
 
 import pytest
 from hydra.errors import ConfigCompositionException
+from omegaconf import OmegaConf
 
 from deepring.cli.experiments import config_folder
 from deepring.core.ground import Preprocessing
@@ -109,6 +111,38 @@ def test_a_table_iii_row_changes_what_it_names_and_nothing_else(composed):
     assert changed("gap") == changed("gmp") == changed("multi_gap") == {"aggregation"}
     assert changed("triplet") == {"loss", "similarity"}
     assert changed("triplet_dft2") == {"loss", "similarity", "aggregation"}
+
+
+ABLATIONS = sorted(path.stem for path in (config_folder() / "ablation").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("ablation", ABLATIONS)
+def test_each_ablation_names_its_command_and_every_job_of_it_composes(composed, ablation):
+    path = config_folder() / "ablation" / f"{ablation}.yaml"
+    assert path.read_text().splitlines()[1] == f"# deepring train -m ablation={ablation}"
+    params = OmegaConf.load(path).hydra.sweeper.params
+    assert params.pop("seed") == "0,1,2"
+    settings = []
+    for key, values in params.items():
+        for value in str(values).split(","):
+            cfg = composed(f"ablation={ablation}", f"{key}={value}", "seed=1")
+            assert cfg.sweep_name == ablation
+            assert cfg.data.root.endswith("sim_nclt_seed1")
+            assert build.methods(cfg, None) == {}  # the network alone, again and again
+            module = build.module(cfg, [], build.deepring_settings(cfg))
+            settings.append((module.hparams, cfg.episode.ways))
+    assert len(settings) > 2
+    assert all(a != b for a, b in combinations(settings, 2))
+
+
+def test_an_ablation_runs_on_the_experiment_and_the_data_one_names(composed):
+    own = composed("ablation=table3", "variant=pg", "experiment=paper_nclt", "data.root=/nclt")
+    assert (own.data.name, own.data.database, own.data.root) == ("nclt", "2012-02-04", "/nclt")
+    assert list(own.encoder.widths) == [64, 128, 256, 512]
+    assert own.representation.raster["kind"] == "polar"
+    city = composed("ablation=table3", "variant=pg", "data=sim_mulran_worlds", "seed=2")
+    assert city.data.root.endswith("sim_mulran_seed2")
+    assert list(city.encoder.widths) == [8, 16, 32]
 
 
 def test_the_config_and_the_mathematics_agree_on_preprocessing():

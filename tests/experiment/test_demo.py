@@ -2,6 +2,7 @@
 
 import pytest
 
+from deepring.cli.process import tune_process
 from deepring.experiment.train import train
 from deepring.simulation.settings import nclt
 from deepring.simulation.simulate import simulate
@@ -9,6 +10,7 @@ from deepring.simulation.simulate import simulate
 
 @pytest.mark.slow
 def test_deepring_leads_ring_and_ring_leads_scan_context(composed, tmp_path):
+    tune_process()
     root = simulate(nclt(seed=0), tmp_path / "nclt", workers=2)
     trained = train(composed("experiment=demo", f"data.root={root}"), tmp_path / "run")
     recall = {row.method: row.recall_1 for row in trained.results if row.radius_m == 10}

@@ -29,6 +29,7 @@ SMALL = (
 #: How each experiment is pointed at small data; the fixtures' folders are filled in.
 POINTED = {
     "demo": ["data.root={tiny_nclt}"],
+    "demo_worlds": ["data.root={tiny_nclt}"],
     "paper_nclt": [
         "data.root={tiny_nclt}",
         "data.database='2031-02-04'",
