@@ -8,12 +8,16 @@ import sys
 import time
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import lightning as L
 from lightning.pytorch.callbacks import Callback
 from lightning.pytorch.utilities import rank_zero_only
 from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
+from deepring.errors import DeepringError
 from deepring.experiment.config import Config
 from deepring.files import replacing
 
@@ -37,6 +41,24 @@ def open_run_folder(cfg: Config, folder: Path) -> None:
     for name, text in texts.items():
         with replacing(folder / name) as temporary:
             temporary.write_text(text)
+
+
+def read_config(path: Path) -> dict[str, Any]:
+    """The config that a run left, as plain values.
+
+    Raises DeepringError where the file cannot be read or holds no config.
+    """
+    try:
+        config = OmegaConf.to_container(OmegaConf.load(path), resolve=True)
+    except (OmegaConfBaseException, YAMLError, OSError, UnicodeDecodeError) as error:
+        reason = " ".join(str(error).split())
+        raise DeepringError(f"{path}: {reason}; {_WANTED}") from None
+    if not isinstance(config, dict) or not config:
+        raise DeepringError(f"{path}: holds a {type(config).__name__}; {_WANTED}")
+    return {str(key): value for key, value in config.items()}
+
+
+_WANTED = "expected the config of a run; delete that folder to begin it again, or leave it out"
 
 
 def is_first_process() -> bool:

@@ -5,15 +5,11 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
 from deepring.errors import DeepringError
 from deepring.evaluation.results import read_results
 from deepring.evaluation.rows import Run
+from deepring.experiment.run_folder import read_config
 from deepring.experiment.status import Status, read_status
 
 
@@ -55,7 +51,7 @@ def read_run(folder: str | Path) -> Run:
     Raises DeepringError that names the file which is missing or cannot be read.
     """
     folder = Path(folder)
-    config = _config(folder / "config.yaml")
+    config = read_config(folder / "config.yaml")
     return Run(str(folder), config, read_results(folder / "results.csv"), _commits(folder))
 
 
@@ -96,20 +92,6 @@ def _unusable(folder: Path, status: Status) -> str | None:
     if not (folder / "results.csv").is_file():
         return "not evaluated (test=false): no results.csv"
     return None
-
-
-def _config(path: Path) -> dict[str, Any]:
-    try:
-        config = OmegaConf.to_container(OmegaConf.load(path), resolve=True)
-    except (OmegaConfBaseException, YAMLError, OSError, UnicodeDecodeError) as error:
-        reason = " ".join(str(error).split())
-        raise DeepringError(f"{path}: {reason}; {_WANTED}") from None
-    if not isinstance(config, dict):
-        raise DeepringError(f"{path}: holds a {type(config).__name__}; {_WANTED}")
-    return {str(key): value for key, value in config.items()}
-
-
-_WANTED = "expected the config of a run; leave this folder out, or train it again"
 
 
 def _commits(folder: Path) -> list[str]:

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any, cast
 
 from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
 from deepring.errors import DeepringError
 from deepring.experiment.config import Config, flattened
+from deepring.experiment.run_folder import read_config
 from deepring.experiment.status import failure_noted, read_status, sole_worker
 from deepring.experiment.train import train
 
@@ -57,16 +56,7 @@ def _check_alone(cfg: Config) -> None:
 
 def _check_same(cfg: Config, path: Path) -> None:
     """Refuse a folder whose config is another one."""
-    try:
-        kept = OmegaConf.to_container(OmegaConf.load(path), resolve=True)
-    except (OmegaConfBaseException, YAMLError, OSError, UnicodeDecodeError) as error:
-        raise DeepringError(
-            f"{path}: {error}; expected the config of a run; delete that folder to begin it again"
-        ) from None
-    if not isinstance(kept, dict) or not kept:
-        raise DeepringError(
-            f"{path}: holds no config of a run; delete that folder to begin it again"
-        )
+    kept = read_config(path)
     asked = OmegaConf.to_container(cast("Any", cfg), resolve=True)
     before, now = flattened(kept), flattened(asked)
     keys = sorted(

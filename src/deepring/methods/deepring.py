@@ -5,8 +5,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from deepring.core.correlation import (
     circular_cross_correlation,
@@ -15,10 +14,11 @@ from deepring.core.correlation import (
     unit_norm,
 )
 from deepring.core.radon import Turn
-from deepring.core.rasters import BevRaster, Raster, make_raster, raster_settings
+from deepring.core.rasters import BevRaster, raster_settings
 from deepring.core.similarity import cosine, negative_distance
 from deepring.errors import DeepringError
 from deepring.methods.base import Comparison
+from deepring.methods.network import NetworkMethod
 from deepring.nn.aggregation import AGGREGATIONS, ROTATION_INVARIANT, channels_for
 from deepring.nn.circular import TauPadding
 from deepring.nn.representation import make_representation
@@ -73,7 +73,7 @@ class DeepRingSettings:
             raise DeepringError(f"DeepRING settings: {error}") from None
 
 
-class DeepRing(nn.Module):
+class DeepRing(NetworkMethod):
     """The network of the paper's Fig. 1. Rasters in, roto-translation invariant descriptors out.
 
     Shapes: rasters (b, n, n) -> representation (b, 1, θ, τ) -> feature E_f (b, c, θ, τ)
@@ -81,8 +81,9 @@ class DeepRing(nn.Module):
     """
 
     def __init__(self, settings: DeepRingSettings | None = None) -> None:
-        super().__init__()
-        self.settings = settings = DeepRingSettings() if settings is None else settings
+        settings = DeepRingSettings() if settings is None else settings
+        super().__init__("DeepRING", settings.raster)
+        self.settings = settings
         _expect("similarity.normalisation", settings.normalisation, NORMALISATIONS)
         _expect("aggregation.kind", settings.aggregation, AGGREGATIONS)
         _expect("similarity.kind", settings.similarity, SIMILARITIES)
@@ -91,7 +92,6 @@ class DeepRing(nn.Module):
                 f"similarity.kind: 'correlation' with aggregation.kind: {settings.aggregation!r}, "
                 "whose rows are no directions to search over; take similarity=l2 or cosine"
             )
-        self._raster = make_raster(settings.raster)
         self.representation = make_representation(
             self._raster, settings.angles, settings.bins, settings.pool, settings.turn
         )
@@ -107,26 +107,11 @@ class DeepRing(nn.Module):
         self.aggregate = AGGREGATIONS[settings.aggregation]
         self.normalise = NORMALISATIONS[settings.normalisation]
 
-    @property
-    def raster(self) -> Raster:
-        """The image of a scan that the network takes."""
-        return self._raster
-
     def forward(self, rasters: Tensor) -> Tensor:
         """Descriptors M_f (b, θ, ω) of rasters (b, *raster.shape)."""
         image = self.representation(rasters)
         feature = self.encoder(image)
         return self.normalise(self.aggregate(feature))
-
-    @torch.no_grad()
-    def describe(self, rasters: Tensor) -> Tensor:
-        """`forward` in evaluation mode, on the network's device; descriptors come back on it."""
-        training = self.training
-        self.eval()
-        try:
-            return self(rasters.to(next(self.parameters()).device))
-        finally:
-            self.train(training)
 
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
         """Correlation at the best rotation (Eq. 8), and that rotation; L2 and cosine find none.

@@ -1,4 +1,4 @@
-"""What the learned baselines share: settings that travel in checkpoints, descriptions of scans."""
+"""What learned methods share: settings that travel in checkpoints, descriptions of scans."""
 
 from dataclasses import fields
 from typing import Any, ClassVar, Self
@@ -56,13 +56,16 @@ class NetworkMethod(nn.Module):
     Args:
         label: the method's name, for messages.
         raster: settings of the raster it takes.
-        kind: of the raster; another raises DeepringError.
+        kind: of the raster; another raises DeepringError. None takes any.
     """
 
-    def __init__(self, label: str, raster: dict[str, Any], kind: type[Raster]) -> None:
+    def __init__(
+        self, label: str, raster: dict[str, Any], kind: type[Raster] | None = None
+    ) -> None:
         super().__init__()
         self._raster = make_raster(raster)
-        expect_raster(label, self._raster, kind)
+        if kind is not None:
+            expect_raster(label, self._raster, kind)
 
     @property
     def raster(self) -> Raster:
