@@ -3,17 +3,17 @@
 from collections.abc import Sequence
 from typing import Literal
 
-import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
 from deepring.errors import DeepringError
 from deepring.nn.circular import CircularConv2d, circular_upsample
+from deepring.nn.unet import UNet
 
 PolarPadding = Literal["zero", "circular"]
 
 
-class DiscoUNet(nn.Module):
+class DiscoUNet(UNet):
     """UNet over (b, heights, θ, r) -> (b, θ, r), as published in MaverickPeter/DiSCO-pytorch.
 
     Each level has two 3x3 convolutions with batch norm and ReLU; the way down halves θ and r by
@@ -39,48 +39,24 @@ class DiscoUNet(nn.Module):
         widths: Sequence[int] = (64, 128, 256, 512),
         padding: PolarPadding = "zero",
     ) -> None:
-        super().__init__()
         if not widths or min(widths) < 1:
             raise DeepringError(
                 f"disco.widths: {list(widths)}, expected at least one level, each above 0"
             )
         if padding not in ("zero", "circular"):
             raise DeepringError(f"disco.padding: {padding!r}, expected 'zero' or 'circular'")
+        super().__init__("disco.widths", widths, in_channels, 1, lambda a, b: _block(a, b, padding))
         self.padding = padding
-        self.stride = 2 ** (len(widths) - 1)
-        sources = [in_channels, *widths[:-1]]
-        self.down = nn.ModuleList(
-            _block(a, b, padding) for a, b in zip(sources, widths, strict=True)
-        )
-        self.up = nn.ModuleList(
-            _block(deep + skip, skip, padding)
-            for deep, skip in zip(widths[:0:-1], widths[-2::-1], strict=True)
-        )
         last = (self.up or self.down)[-1]
         assert isinstance(last, nn.Sequential)
         last[-1] = nn.Sigmoid()
-        self.pool = nn.MaxPool2d(2)
-        self.head = nn.Conv2d(widths[0], 1, 1)
 
     def forward(self, x: Tensor) -> Tensor:
         """Feature maps (b, θ, r) of polar occupancy (b, heights, θ, r)."""
-        if x.shape[-2] % self.stride or x.shape[-1] % self.stride:
-            raise DeepringError(
-                f"disco.widths: {len(self.down)} levels halve θ and r to a total stride of "
-                f"{self.stride}, which does not divide the raster's "
-                f"{x.shape[-2]} x {x.shape[-1]}; take fewer levels, or other sectors and rings"
-            )
-        skips = []
-        for block in self.down[:-1]:
-            x = block(x)
-            skips.append(x)
-            x = self.pool(x)
-        x = self.down[-1](x)
-        for block, skip in zip(self.up, reversed(skips), strict=True):
-            x = block(torch.cat([self._double(x), skip], dim=1))
-        return self.head(x)[:, 0]
+        return super().forward(x)[:, 0]
 
-    def _double(self, x: Tensor) -> Tensor:
+    def upsample(self, x: Tensor) -> Tensor:
+        """Twice θ and r, the published way or by interpolation that closes θ."""
         if self.padding == "circular":
             return circular_upsample(x, "zero")
         return F.interpolate(x, scale_factor=2, mode="bilinear", align_corners=True)

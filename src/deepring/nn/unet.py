@@ -1,7 +1,7 @@
 """The feature extraction network: a UNet of circular convolutions (paper, Sec. III-B)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor, nn
@@ -45,7 +45,61 @@ class Block(nn.Sequential):
         super().__init__(*layers)
 
 
-class CircularUNet(nn.Module):
+class UNet(nn.Module):
+    """Blocks down and up, joined by skips: (b, in, rows, columns) -> (b, out, rows, columns).
+
+    Args:
+        name: of the config key that the widths come from, for messages.
+        widths: channels of each level; the number of levels is its length.
+        in_channels: channels of the input.
+        out_channels: channels of the output.
+        block: makes a level of in and out channels.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        widths: Sequence[int],
+        in_channels: int,
+        out_channels: int,
+        block: Callable[[int, int], nn.Module],
+    ) -> None:
+        super().__init__()
+        self.name = name
+        self.stride = 2 ** (len(widths) - 1)
+        sources = [in_channels, *widths[:-1]]
+        self.down = nn.ModuleList(block(a, b) for a, b in zip(sources, widths, strict=True))
+        self.up = nn.ModuleList(
+            block(deep + skip, skip)
+            for deep, skip in zip(widths[:0:-1], widths[-2::-1], strict=True)
+        )
+        self.pool = nn.MaxPool2d(2)
+        self.head = nn.Conv2d(widths[0], out_channels, 1)
+
+    def upsample(self, x: Tensor) -> Tensor:
+        """Twice the rows and columns."""
+        raise NotImplementedError
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Feature map (b, out, rows, columns) of (b, in, rows, columns)."""
+        if x.shape[-2] % self.stride or x.shape[-1] % self.stride:
+            raise DeepringError(
+                f"{self.name}: {len(self.down)} levels halve rows and columns to a total stride of "
+                f"{self.stride}, which does not divide {x.shape[-2]} x {x.shape[-1]}; take fewer "
+                "levels or other numbers of rows"
+            )
+        skips = []
+        for block in self.down[:-1]:
+            x = block(x)
+            skips.append(x)
+            x = self.pool(x)
+        x = self.down[-1](x)
+        for block, skip in zip(self.up, reversed(skips), strict=True):
+            x = block(torch.cat([self.upsample(x), skip], dim=1))
+        return self.head(x)
+
+
+class CircularUNet(UNet):
     """UNet over (b, in, θ, τ) -> (b, out, θ, τ), equivariant to shifts of θ by its stride.
 
     Each level but the last halves θ and τ by max pooling; the way up doubles them by wrapped
@@ -72,40 +126,20 @@ class CircularUNet(nn.Module):
         tau_padding: TauPadding = "circular",
         turn: Turn = "full",
     ) -> None:
-        super().__init__()
         if not widths or min(widths) < 1 or convolutions < 1:
             raise DeepringError(
                 f"encoder: widths={list(widths)}, convolutions={convolutions}; "
                 "expected at least one level, channel and convolution"
             )
+        super().__init__(
+            "encoder.widths",
+            widths,
+            in_channels,
+            out_channels,
+            lambda a, b: Block(a, b, convolutions, norm, tau_padding, turn),
+        )
         self.tau, self.turn = tau_padding, turn
-        self.stride = 2 ** (len(widths) - 1)
-        sources = [in_channels, *widths[:-1]]
-        self.down = nn.ModuleList(
-            Block(a, b, convolutions, norm, tau_padding, turn)
-            for a, b in zip(sources, widths, strict=True)
-        )
-        self.up = nn.ModuleList(
-            Block(deep + skip, skip, convolutions, norm, tau_padding, turn)
-            for deep, skip in zip(widths[:0:-1], widths[-2::-1], strict=True)
-        )
-        self.pool = nn.MaxPool2d(2)
-        self.head = nn.Conv2d(widths[0], out_channels, 1)
 
-    def forward(self, x: Tensor) -> Tensor:
-        """Feature map E_f (b, out, θ, τ) of the representation (b, in, θ, τ)."""
-        if x.shape[-2] % self.stride or x.shape[-1] % self.stride:
-            raise DeepringError(
-                f"encoder.widths: {len(self.down)} levels halve θ and τ to a total stride of "
-                f"{self.stride}, which does not divide the representation's "
-                f"{x.shape[-2]} x {x.shape[-1]}; take fewer levels or other numbers of rows"
-            )
-        skips = []
-        for block in self.down[:-1]:
-            x = block(x)
-            skips.append(x)
-            x = self.pool(x)
-        x = self.down[-1](x)
-        for block, skip in zip(self.up, reversed(skips), strict=True):
-            x = block(torch.cat([circular_upsample(x, self.tau, self.turn), skip], dim=1))
-        return self.head(x)
+    def upsample(self, x: Tensor) -> Tensor:
+        """Twice the rows and columns, by wrapped bilinear interpolation."""
+        return circular_upsample(x, self.tau, self.turn)
