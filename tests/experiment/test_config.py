@@ -13,6 +13,7 @@ from deepring.errors import DeepringError
 from deepring.experiment import build
 from deepring.experiment.config import PreprocessingConfig, flattened
 from deepring.experiment.evaluate import plan_evaluation
+from deepring.experiment.hyperparameters import hyperparameters
 
 ROOT = "data.root=/nowhere"
 
@@ -143,6 +144,16 @@ def test_an_ablation_runs_on_the_experiment_and_the_data_one_names(composed):
     city = composed("ablation=table3", "variant=pg", "data=sim_mulran_worlds", "seed=2")
     assert city.data.root.endswith("sim_mulran_seed2")
     assert list(city.encoder.widths) == [8, 16, 32]
+
+
+def test_hparams_shows_first_what_sweeps_vary(composed):
+    values = hyperparameters(composed(ROOT, "experiment=demo", "variant=triplet", "seed=3"))
+    assert sorted(values)[:5] == ["aggregation", "data", "encoder", "input", "loss"]
+    assert [values[key] for key in sorted(values)[:5]] == [
+        *("dft", "sim_nclt", "8-16-32 x1", "SG", "Triplet")
+    ]
+    assert (values["seed"], values["ways"], values["more.loss.margin"]) == (3, 24, 0.5)
+    assert all(isinstance(value, bool | str | float | int) for value in values.values())
 
 
 def test_the_config_and_the_mathematics_agree_on_preprocessing():

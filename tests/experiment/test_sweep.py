@@ -97,6 +97,22 @@ def _until(count, then):
     return method
 
 
+def test_every_epoch_can_be_gone_on_from_although_none_is_better(config, tmp_path, caplog):
+    folder = tmp_path / "job"
+    still = ("optimizer.lr=0", "encoder.norm=none", "trainer.max_epochs=3", "test=false")
+    with caplog.at_level("INFO", logger="deepring"):
+        run_job(config(folder, *still), folder)
+    # The validation recall never moves: the first epoch is the best, and the third the last.
+    epochs = {
+        name: torch.load(folder / "checkpoints" / f"{name}.ckpt", weights_only=True)["epoch"]
+        for name in ("best", "last")
+    }
+    assert epochs == {"best": 0, "last": 2}
+    lines = [line for line in caplog.messages if line.startswith("epoch ")]
+    assert [line.partition(":")[0] for line in lines] == ["epoch 1/3", "epoch 2/3", "epoch 3/3"]
+    assert all("train/loss" in line and "val/recall@1" in line for line in lines)
+
+
 def test_a_job_killed_while_it_evaluated_trains_no_more(config, tmp_path):
     folder = tmp_path / "job"
     run_job(config(folder, "trainer.max_epochs=1"), folder)

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from deepring.errors import DeepringError
 from deepring.evaluation.case_study import ROWS, ErrorRow, Kind, Name, Pair, View
+from deepring.viz.sinograms import draw_bev
 from deepring.viz.style import INK, LABEL_SIZE, PALETTE, SMALL_SIZE, dress, new_figure
 
 _ANGLES = (0, 90, 180, 270, 360)
@@ -32,17 +32,9 @@ def pair_figure(pair: Pair) -> Figure:
     for (left, *right), bev, title, view in zip(
         axes, pair.bevs, ("Scan", moved), pair.views, strict=True
     ):
-        _draw_bev(left, bev, title, pair.extent)
+        draw_bev(left, bev, title, pair.extent)
         _draw_view(right, view, pair.extent)
     return figure
-
-
-def _draw_bev(axes: Axes, bev: NDArray, title: str, extent: float) -> None:
-    # columns are y, which grows to the left of a viewer who looks along x
-    box = (extent, -extent, -extent, extent)
-    axes.imshow(bev[:, ::-1], cmap="Greys", origin="lower", extent=box, interpolation="nearest")
-    axes.plot(0, 0, marker="^", color=PALETTE[1], markersize=7)
-    dress(axes, title, "y, left (m)", "x, forward (m)", grid=False)
 
 
 def _draw_view(axes: Sequence[Axes], view: View, extent: float) -> None:

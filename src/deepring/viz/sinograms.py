@@ -38,7 +38,7 @@ def sinogram_figure(
     _check(bev, sinogram, turned, correlation)
     figure = new_figure(10.0, 5.9)
     grid = figure.add_gridspec(2, 3, height_ratios=(3.2, 2.0))
-    _draw_bev(figure.add_subplot(grid[0, 0]), bev, extent)
+    draw_bev(figure.add_subplot(grid[0, 0]), bev, "Bird's-eye view", extent)
     top = max(float(sinogram.max()), float(turned.max()))  # one scale, so that they compare
     for column, (image, name) in enumerate(
         ((sinogram, "Sinogram"), (turned, "Sinogram of the turned twin")), 1
@@ -48,12 +48,13 @@ def sinogram_figure(
     return figure
 
 
-def _draw_bev(axes: Axes, bev: NDArray, extent: float) -> None:
+def draw_bev(axes: Axes, bev: NDArray, title: str, extent: float) -> None:
+    """A bird's-eye view (n, n) indexed [x, y], as seen from above, x upwards; extent in metres."""
     # columns are y, which grows to the left of a viewer who looks along x
     box = (extent, -extent, -extent, extent)
     axes.imshow(bev[:, ::-1], cmap="Greys", origin="lower", extent=box, interpolation="nearest")
     axes.plot(0, 0, marker="^", color=PALETTE[1], markersize=7)
-    dress(axes, "Bird's-eye view", "y, left (m)", "x, forward (m)", grid=False)
+    dress(axes, title, "y, left (m)", "x, forward (m)", grid=False)
 
 
 def _draw_sinogram(
