@@ -150,7 +150,7 @@ def test_hparams_shows_first_what_sweeps_vary(composed):
     values = hyperparameters(composed(ROOT, "experiment=demo", "variant=triplet", "seed=3"))
     assert sorted(values)[:5] == ["aggregation", "data", "encoder", "input", "loss"]
     assert [values[key] for key in sorted(values)[:5]] == [
-        *("dft", "sim_nclt", "8-16-32 x1", "SG", "Triplet")
+        *("DFT", "sim_nclt", "8-16-32 x1", "SG", "Triplet")
     ]
     assert (values["seed"], values["ways"], values["more.loss.margin"]) == (3, 24, 0.5)
     assert all(isinstance(value, bool | str | float | int) for value in values.values())

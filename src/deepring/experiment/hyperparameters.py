@@ -1,15 +1,14 @@
 """What TensorBoard's HPARAMS page tells runs apart by."""
 
+from deepring.evaluation.paper import AGGREGATIONS, INPUTS, LOSSES
 from deepring.experiment import build
 from deepring.experiment.config import Config, flattened
-
-INPUTS = {"bev": "SG", "polar": "PG", "range": "range image"}
 
 Value = bool | str | float | int
 
 
 def hyperparameters(cfg: Config) -> dict[str, Value]:
-    """Short names for what sweeps vary, and the rest of the groups under ``more.``.
+    """The tables' names for what sweeps vary, and the rest of the groups under ``more.``.
 
     The page sorts its columns by name and shows the first five: aggregation, data, encoder,
     input and loss.
@@ -17,13 +16,14 @@ def hyperparameters(cfg: Config) -> dict[str, Value]:
     r, e = cfg.representation, cfg.encoder
     loss = build.plain(cfg.loss) or {}
     optimizer = build.plain(cfg.optimizer) or {}
+    raster, own_loss = str(r.raster["kind"]), str(loss.get("_target_")).rpartition(".")[2]
     widths = "-".join(str(width) for width in e.widths)
     short: dict[str, Value] = {
-        "aggregation": cfg.aggregation.kind,
+        "aggregation": AGGREGATIONS.get(cfg.aggregation.kind, cfg.aggregation.kind),
         "data": cfg.data.name,
         "encoder": f"{widths} x{e.convolutions}",
-        "input": INPUTS.get(str(r.raster["kind"]), str(r.raster["kind"])),
-        "loss": str(loss.get("_target_")).rpartition(".")[2],
+        "input": INPUTS.get(raster, raster),
+        "loss": LOSSES.get(own_loss, own_loss),
         "lr": optimizer.get("lr", 0.0),
         "queries": cfg.episode.queries,
         "seed": cfg.seed,
