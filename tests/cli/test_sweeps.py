@@ -16,6 +16,34 @@ from deepring.cli.sweeps import folder_name, naming
 from deepring.evaluation.results import read_results
 
 QUICK = [*SMALL, "evaluation.figures=false"]
+LONG = [a for a in QUICK if not a.startswith("trainer.max_epochs")]
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Starts a sweep in the background, in a process group of its own that ends with the test."""
+    command = [str(Path(sys.executable).with_name("deepring")), "train", "-m"]
+    begun = []
+
+    def started(arguments):
+        process = subprocess.Popen(
+            [*command, *arguments],
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+            # Where the suite itself runs in the background, SIGINT would be inherited as ignored.
+            preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+        )
+        begun.append(process)
+        return process
+
+    yield started
+    for process in begun:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
 
 
 def rates(sweep):
@@ -28,6 +56,14 @@ def rates(sweep):
         for folder in sorted(sweep.iterdir())
         if (folder / "results.csv").is_file()
     }
+
+
+def wait_for(path, process):
+    deadline = time.monotonic() + 120
+    while not path.is_file():
+        assert process.poll() is None, process.communicate()[0]
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
 
 
 def test_folders_are_named_after_what_is_varied():
@@ -77,44 +113,27 @@ def test_one_failing_job_loses_no_other_and_the_next_start_skips_what_is_done(ti
     assert "1 of 2 jobs finished" in again.stdout
 
 
-def test_a_killed_sweep_started_again_ends_in_the_same_figures(tiny_nclt, tmp_path):
-    epochs = [a for a in QUICK if not a.startswith("trainer.max_epochs")]
+def test_a_killed_sweep_started_again_ends_in_the_same_figures(tiny_nclt, tmp_path, start):
     command = [
-        str(Path(sys.executable).with_name("deepring")),
-        *("train", "-m", "ablation=table3", "seed=0", "variant=ours,gap", "data=sim_nclt"),
-        *(f"data.root={tiny_nclt}", "trainer.max_epochs=40", *epochs),
+        *("ablation=table3", "seed=0", "variant=ours,gap", "data=sim_nclt"),
+        *(f"data.root={tiny_nclt}", "trainer.max_epochs=40", *LONG),
     ]
-
-    def start(name):
-        return subprocess.Popen(
-            [*command, f"sweep_name={name}"],
-            cwd=tmp_path,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-        )
-
     sweeps = tmp_path / "outputs" / "sweeps"
-    whole = start("whole")
-    killed = start("killed")
-    last = sweeps / "demo_killed" / "seed-0+variant-ours" / "checkpoints" / "last.ckpt"
-    deadline = time.monotonic() + 120
-    while not last.is_file():
-        assert killed.poll() is None, killed.communicate()[0]
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    whole = start([*command, "sweep_name=whole"])
+    killed = start([*command, "sweep_name=killed"])
+    job = sweeps / "demo_killed" / "seed-0+variant-ours"
+    wait_for(job / "checkpoints" / "last.ckpt", killed)
     os.killpg(killed.pid, signal.SIGKILL)
     killed.communicate()
-    assert not list(last.parents[1].glob("results.csv"))  # in mid-run, indeed
-    again = start("killed")
+    assert not (job / "results.csv").exists()  # in mid-run, indeed
+    again = start([*command, "sweep_name=killed"])
     output = again.communicate(timeout=240)[0]
     assert again.returncode == 0, output
     assert "seed-0+variant-ours: going on from" in output
     assert "seed-0+variant-gap: going on" not in output
+    output = whole.communicate(timeout=240)[0]
+    assert whole.returncode == 0, output
     assert not list((sweeps / "demo_whole").glob(".outcomes*"))
-    assert whole.wait(timeout=240) == 0
-    whole.communicate()
     assert len(rates(sweeps / "demo_whole")) == 2
     assert rates(sweeps / "demo_killed") == rates(sweeps / "demo_whole")
 
@@ -145,72 +164,44 @@ def test_the_search_maximises_validation_and_tests_nothing(tiny_nclt, tmp_path):
     assert not list(sweep.glob("*/results.csv"))
 
 
-def started(arguments, cwd):
-    """A sweep in the background, in a process group of its own."""
-    command = [str(Path(sys.executable).with_name("deepring")), "train", "-m", *arguments]
-    return subprocess.Popen(
-        command,
-        cwd=cwd,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-        # Where the suite itself runs in the background, SIGINT would be inherited as ignored.
-        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+def test_ctrl_c_ends_the_sweep_and_says_how_to_go_on(tiny_nclt, tmp_path, start):
+    sweep = start(
+        ["experiment=demo", f"data.root={tiny_nclt}", *LONG, "trainer.max_epochs=500", "seed=0,1"]
     )
-
-
-def wait_for(pattern, folder, process):
-    deadline = time.monotonic() + 120
-    while not list(folder.glob(pattern)):
-        assert process.poll() is None, process.communicate()[0]
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-
-
-LONG = [a for a in QUICK if not a.startswith("trainer.max_epochs")]
-
-
-def test_ctrl_c_ends_the_sweep_and_says_how_to_go_on(tiny_nclt, tmp_path):
-    sweep = started(
-        ["experiment=demo", f"data.root={tiny_nclt}", *LONG, "trainer.max_epochs=500", "seed=0,1"],
-        tmp_path,
-    )
-    wait_for("outputs/sweeps/*/seed-0/checkpoints/last.ckpt", tmp_path, sweep)
+    folder = tmp_path / "outputs" / "sweeps" / "demo_sweep"
+    wait_for(folder / "seed-0" / "checkpoints" / "last.ckpt", sweep)
     os.killpg(sweep.pid, signal.SIGINT)
     output = sweep.communicate(timeout=120)[0]
     assert sweep.returncode == 130, output
     assert "the same command goes on" in output
     assert "0 of 1 jobs finished" in output
     assert "Traceback" not in output
-    assert not (tmp_path / "outputs" / "sweeps" / "demo_sweep" / "seed-1").exists()
+    assert not (folder / "seed-1").exists()
 
 
 def workers(pid):
     """Process numbers of a sweep's joblib workers."""
-    listed = subprocess.run(
-        ["ps", "--ppid", str(pid), "-o", "pid=,args="], capture_output=True, text=True, check=True
-    )
-    rows = [line.split(maxsplit=1) for line in listed.stdout.splitlines()]
-    return [int(number) for number, args in rows if "popen_loky" in args]
+    threads = Path(f"/proc/{pid}/task").glob("*/children")
+    children = [child for thread in threads for child in thread.read_text().split()]
+    return [int(n) for n in children if b"popen_loky" in Path(f"/proc/{n}/cmdline").read_bytes()]
 
 
-def test_a_killed_worker_loses_no_job(tiny_nclt, tmp_path):
-    sweep = started(
+def test_a_killed_worker_loses_no_job(tiny_nclt, tmp_path, start):
+    sweep = start(
         [
-            *("experiment=demo", f"data.root={tiny_nclt}", *LONG, "trainer.max_epochs=20"),
+            *("experiment=demo", f"data.root={tiny_nclt}", *LONG, "trainer.max_epochs=40"),
             *("seed=0,1", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2"),
-        ],
-        tmp_path,
+        ]
     )
-    wait_for("outputs/sweeps/*/seed-*/checkpoints/last.ckpt", tmp_path, sweep)
+    folder = tmp_path / "outputs" / "sweeps" / "demo_sweep"
+    wait_for(folder / "seed-0" / "checkpoints" / "last.ckpt", sweep)
     os.kill(workers(sweep.pid)[0], signal.SIGKILL)
     output = sweep.communicate(timeout=240)[0]
     assert sweep.returncode == 0, output
     assert "launching what is left again" in output
     assert "2 of 2 jobs finished" in output
     assert "Traceback" not in output
-    assert set(rates(tmp_path / "outputs" / "sweeps" / "demo_sweep")) == {"seed-0", "seed-1"}
+    assert set(rates(folder)) == {"seed-0", "seed-1"}
 
 
 def test_a_sweep_over_several_devices_is_refused(tiny_nclt, tmp_path):

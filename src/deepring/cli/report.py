@@ -18,9 +18,6 @@ MISTAKE = 2
 #: Exit status after Ctrl-C.
 INTERRUPTED = 130
 
-#: Exit status after Ctrl-C.
-INTERRUPTED = 130
-
 #: Where output goes to a file or a pipe it is wide enough for every table.
 console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 110)
 
