@@ -72,7 +72,7 @@ def test_train_then_evaluate_its_checkpoint_then_resume(tiny_nclt, tmp_path):
     before, last = run.resolve(), run / "checkpoints" / "last.ckpt"
     state, config = torch.load(last, weights_only=True), (run / "config.yaml").read_text()
     resume = ["resume=outputs/demo/latest/checkpoints/last.ckpt", f"data.root={tiny_nclt}"]
-    epochs = ["trainer.max_epochs=2", "episode.per_epoch=3", "test=false"]
+    epochs = ["trainer.max_epochs=2", "episode.per_epoch=3", "evaluate=false"]
     more = deepring("train", "experiment=demo", *SMALL, *resume, *epochs, cwd=tmp_path)
     assert more.returncode == 0, more.stderr
     assert run.resolve() == before
@@ -103,7 +103,7 @@ def test_train_then_evaluate_its_checkpoint_then_resume(tiny_nclt, tmp_path):
             ["data.regions.test", "spans"],
         ),
         (["data.root={tiny}", "data.regions.test=[{{disc: {{center: [9e4]}}}}]"], ["is no shape"]),
-        (["data.root={tiny}", "evaluation.region=moon"], ["evaluation.region", "moon"]),
+        (["data.root={tiny}", "evaluation.regions=[moon]"], ["evaluation.regions", "moon"]),
         (["data.root={tiny}", "evaluation.radii=[-1]"], ["evaluation.radii"]),
         (["data.root={tiny}", "+methods.ring.foo=1"], ["methods.ring", "foo"]),
         (["data.root={tiny}", "methods.ring.raster.cells=abc"], ["raster.cells", "abc"]),

@@ -43,7 +43,8 @@ def start(tmp_path):
     for process in begun:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
+        process.stdout.close()
+        process.wait()
 
 
 def rates(sweep):
@@ -68,7 +69,7 @@ def wait_for(path, process):
 
 def test_folders_are_named_after_what_is_varied():
     def excluded(*arguments):
-        (override,) = naming(arguments, config_folder() / "ablation")
+        (override,) = naming(arguments, config_folder())
         return override.partition("=")[2]
 
     assert excluded("-m", "seed=0,1", "experiment=demo") == '["experiment"]'

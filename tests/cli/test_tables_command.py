@@ -3,12 +3,15 @@
 import csv
 import json
 
+import numpy as np
 import pytest
 
 from deepring.cli.report import mistakes_reported
 from deepring.cli.tables import tables_command
 from deepring.errors import DeepringError
+from deepring.evaluation.protocol import Retrieved
 from deepring.evaluation.results import Result, write_results
+from deepring.evaluation.retrievals import write_retrievals
 from deepring.experiment.status import Status, write_status
 
 
@@ -104,3 +107,106 @@ def test_a_mistake_ends_with_status_2(tmp_path, capsys):
         mistakes_reported(tables_command)([str(tmp_path / "absent")])
     assert ended.value.code == 2
     assert "absent: no such folder" in capsys.readouterr().err
+
+
+def compared(folder, method, kind, trained, seed=0, recall=0.5, retrievals=True):
+    """A run folder of a method that was tested in two regions of both datasets."""
+    data = {"name": trained or "sim_nclt", "format": "nclt", "root": f"worlds/{seed}"}
+    config = {
+        "seed": seed,
+        "data": data,
+        "evaluation": {"radii": [10.0]},
+        "method": {
+            "_target_": f"deepring.methods.{kind}",
+            "label": method,
+            "note": f"own {method}",
+        },
+    }
+    folder.mkdir(parents=True)
+    (folder / "config.yaml").write_text(json.dumps(config))
+    results = []
+    for number, test in enumerate(("sim_nclt", "sim_mulran")):
+        for region in ("test", "whole"):
+            rates = (recall + number / 10, 0.9, 0.8, 0.7)
+            tested = (method, trained, test, region)
+            results.append(Result(*tested, 10.0, 50, 100, 50, *rates, 0.01, 0.002))
+            if retrievals:
+                metres = np.arange(100, dtype=np.float32) % 17
+                found = Retrieved(np.zeros(100, np.int64), -metres, None, metres, metres / 2)
+                write_retrievals(folder, *tested, found, np.arange(100), np.arange(50))
+    write_results(folder / "results.csv", results)
+    write_status(folder, Status("finished", seconds=90.0 if trained else None))
+
+
+@pytest.fixture
+def comparison(tmp_path):
+    folder = tmp_path / "comparison"
+    for seed in (0, 1):
+        for train in ("sim_nclt", "sim_mulran"):
+            name = f"disco-{train}-{seed}"
+            compared(folder / name, "DiSCO", "disco.Disco", train, seed, 0.6 + seed / 10)
+        compared(folder / f"ring-{seed}", "RING", "ring.Ring", "", seed)
+    return folder
+
+
+def test_runs_of_several_methods_are_compared(comparison, capsys):
+    tables_command([str(comparison)])
+    out = capsys.readouterr().out
+    assert ["sim_nclt", "RING", "0.500", "±", "0.000", "0.664"] in [row[:6] for row in shown(out)]
+    assert ["DiSCO", "0.650", "±", "0.071", "0.793"] in [row[:5] for row in shown(out)]
+    assert "DiSCO: own DiSCO" in out
+    written = comparison / "tables"
+    files = {path.name for path in written.iterdir()}
+    names = ("table1", "table2", "crossing", "costs")
+    expected = {f"{name}.{ending}" for name in names for ending in ("md", "tex")}
+    assert files == expected | {"comparison.csv", "pr_curves.png"}
+    assert all(f"tables/{name}" in out for name in files)
+    assert "**0.650 ± 0.071** | 0.793" in (written / "table1.md").read_text(encoding="utf-8")
+    assert r"\textbf{0.650 $\pm$ 0.071} & 0.793" in (written / "table1.tex").read_text()
+    assert "| DiSCO | 10 | 2 | 1.5 | 2 |" in (written / "costs.md").read_text()
+    assert (written / "pr_curves.png").read_bytes().startswith(b"\x89PNG")
+    with (written / "comparison.csv").open(newline="") as file:
+        rows = {
+            (row["method"], row["train"], row["test"], row["region"]): row
+            for row in csv.DictReader(file)
+        }
+    assert len(rows) == 12
+    row = rows["DiSCO", "sim_nclt", "sim_mulran", "whole"]
+    assert (row["table"], row["recall_1_seed_0"], row["paper_auc"]) == ("table2", "0.7", "0.796")
+    assert "no curve" not in out
+
+
+def test_compared_again_gives_the_same_files_wherever_they_are_written(comparison, tmp_path):
+    tables_command([str(comparison)])
+    before = {path.name: path.read_bytes() for path in (comparison / "tables").iterdir()}
+    tables_command([str(comparison), "-o", str(tmp_path / "here")])
+    assert {path.name: path.read_bytes() for path in (tmp_path / "here").iterdir()} == before
+
+
+def test_without_retrievals_there_is_no_figure_and_a_missing_one_is_named(tmp_path, capsys):
+    sweep = tmp_path / "sweep"
+    compared(sweep / "ring", "RING", "ring.Ring", "", retrievals=False)
+    compared(sweep / "disco", "DiSCO", "disco.Disco", "sim_nclt", retrievals=False)
+    tables_command([str(sweep)])
+    assert "no figure" in capsys.readouterr().out
+    assert not (sweep / "tables" / "pr_curves.png").exists()
+    compared(sweep / "egonn", "EgoNN", "egonn.EgoNnGlobal", "sim_nclt")
+    tables_command([str(sweep)])
+    out = capsys.readouterr().out
+    assert "no curve     RING, tested on sim_nclt test, seed 0: no retrievals/*.csv" in out
+    assert (sweep / "tables" / "pr_curves.png").exists()
+
+
+def test_compared_over_all_queries_at_a_radius_and_mixed(comparison, capsys):
+    tables_command([str(comparison), "--over", "all"])
+    assert "0.325 ± 0.035" in capsys.readouterr().out
+    with pytest.raises(DeepringError, match=r"radius 5 m: .*--radius"):
+        tables_command([str(comparison), "--radius", "5"])
+    path = comparison / "ring-0" / "config.yaml"
+    config = json.loads(path.read_text())
+    path.write_text(json.dumps(config | {"preprocessing": {"window": 7}}))
+    message = r"preprocessing\.window: None in .*/disco-.*, 7 in .*/ring-0.*--mix"
+    with pytest.raises(DeepringError, match=message):
+        tables_command([str(comparison)])
+    tables_command([str(comparison), "--mix"])
+    assert "mixed, so that rows may not be comparable" in capsys.readouterr().out

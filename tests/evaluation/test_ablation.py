@@ -105,10 +105,21 @@ def test_the_order_of_runs_does_not_matter(order, recalls):
         {"data.root": "worlds/other"},
         {"evaluation.radii": [10, 15]},
         {"optimizer.lr": 0.001},
+        {"evaluation.descriptors": True},
+        {"overlap": "leave_out"},
+        {"method": {"_target_": "deepring.methods.deepring.DeepRing", "note": "small"}},
     ],
 )
 def test_what_cannot_change_what_is_learnt_makes_no_other_row(changes):
     assert len(collect_rows([run(), run(seed=1, changes=changes)]).rows) == 1
+
+
+def test_where_further_test_data_lie_may_go_with_the_seed():
+    runs = [run(seed=s, changes={"test_data": {"x": {"root": f"x{s}"}}}) for s in (0, 1)]
+    assert len(collect_rows(runs).rows) == 1
+    other = run(folder="two", changes=GAP | {"test_data": {"x": {"root": "elsewhere"}}})
+    with pytest.raises(DeepringError, match=r"test_data\.x\.root \(seed 0\): 'x0' in"):
+        collect_rows([*runs, other])
 
 
 @pytest.mark.parametrize(
@@ -122,7 +133,9 @@ def test_anything_else_does(changes):
 def test_a_config_from_before_a_key_existed_is_one_row_with_those_that_say_the_same():
     old = run(seed=1)
     del old.config["similarity"]["kind"], old.config["representation"]["turn"]
-    assert len(collect_rows([run(), old]).rows) == 1
+    new = run(changes={"evaluation.regions": ["test"]})
+    del new.config["evaluation"]["region"]
+    assert len(collect_rows([new, old]).rows) == 1
 
 
 def test_means_over_other_seeds_are_not_called_best():

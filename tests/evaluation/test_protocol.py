@@ -1,5 +1,7 @@
 """The protocol on a toy method whose answers are known: counts, recall, places, errors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -9,7 +11,8 @@ from deepring.data.cache import Rasters, ScanSet, pack
 from deepring.data.scan import Session
 from deepring.errors import DeepringError
 from deepring.evaluation import protocol
-from deepring.evaluation.protocol import Side, Task, evaluate_method
+from deepring.evaluation.descriptors import read_descriptors
+from deepring.evaluation.protocol import Side, Task, describe_side, evaluate_method
 from deepring.evaluation.retrieval import describe_all
 from deepring.methods.base import Comparison, Method
 
@@ -24,12 +27,15 @@ class Toy:
     def __init__(self, *, yaw=True):
         self.yaw = yaw
         self.described = []
+        self._calls = []
 
     def describe(self, rasters):
         self.described.append(len(rasters))
+        self._calls.append("describe")
         return (rasters[..., 0, :].float() * 2.0 ** torch.arange(7, -1, -1)).sum(-1)
 
     def compare(self, queries, database):
+        self._calls.append("compare")
         apart = queries[:, None] - database[None]
         return Comparison(-apart.abs(), apart / 100 if self.yaw else None)
 
@@ -164,9 +170,19 @@ def test_an_empty_side_is_named(empty):
         evaluate_method("toy", Toy(), Task("sim", "test", **sides))
 
 
-def test_no_answerable_query_is_an_error():
-    with pytest.raises(DeepringError, match=r"radius 10 m: 0 of 2 queries"):
-        evaluate_method("toy", Toy(), task([10, 20], [300, 400]))
+def test_no_answerable_query_is_an_error_before_anything_is_described():
+    method = Toy()
+    message = r"sim, region test: radius 10 m: 0 of 2 queries .* nearest lies at 240 m; .* wider"
+    with pytest.raises(DeepringError, match=message):
+        evaluate_method("toy", method, task([10, 20], [300, 400]))
+    assert method.described == []
+
+
+def test_a_query_at_exactly_the_radius_is_answerable():
+    (row,) = evaluate_method("toy", Toy(), task([40], [72]), radii=(12.0,)).results
+    assert row.answerable == 1
+    with pytest.raises(DeepringError, match=r"radius 11\.99 m: 0 of 1 .* at 12 m"):
+        evaluate_method("toy", Toy(), task([40], [72]), radii=(11.99,))
 
 
 def test_a_further_radius_without_an_answer_is_left_out_and_named(caplog):
@@ -177,9 +193,99 @@ def test_a_further_radius_without_an_answer_is_left_out_and_named(caplog):
         evaluate_method("toy", Toy(), task([10], [1]), radii=(0.5, 10.0))
 
 
-def test_no_radius_is_an_error():
+def test_no_radius_and_one_that_is_no_length_are_errors():
     with pytest.raises(DeepringError, match=r"evaluation\.radii"):
         evaluate_method("toy", Toy(), task(*FIVE), radii=())
+    with pytest.raises(DeepringError, match=r"radius -5\.0: expected metres"):
+        evaluate_method("toy", Toy(), task(*FIVE), radii=(10.0, -5.0))
+
+
+def test_without_an_export_one_batch_of_queries_is_held_at_a_time(monkeypatch):
+    monkeypatch.setattr(protocol, "BATCH", 2)
+    monkeypatch.setattr(protocol, "seconds_per_scan", lambda *_: 0.0)
+    method = Toy()
+    evaluate_method("toy", method, task(*FIVE))
+    assert method._calls == ["describe"] * 2 + ["describe", "compare"] * 3
+    assert method.described == [2, 2, 2, 2, 1]
+
+
+def test_a_side_is_described_at_once_or_when_it_is_looked_up():
+    method, five = Toy(), side([5, 3, 9, 200, 0], range(5))
+    held, later = describe_side(method, five), describe_side(method, five, hold=False)
+    assert method.described == [5]
+    assert len(held) == len(later) == len(later.descriptors) == 5
+    assert later.descriptors[1:3].tolist() == held.descriptors[1:3].tolist() == [3, 9]
+    assert method.described == [5, 2]
+    assert np.array_equal(held.positions, five.scans.positions)
+
+
+def test_an_export_changes_no_figure_and_leaves_two_files(tmp_path):
+    expected = evaluate_method("toy", Toy(), task(*FIVE), train="city")
+    folder = tmp_path / "run" / "descriptors"
+    outcome = evaluate_method("toy", Toy(), task(*FIVE), train="city", export=folder)
+    assert list(map(without_seconds, outcome.results)) == list(
+        map(without_seconds, expected.results)
+    )
+    for name, values in vars(expected.retrieved).items():
+        assert np.array_equal(getattr(outcome.retrieved, name), values), name
+    files = {f"toy__sim__test__{what}.safetensors" for what in ("database", "query")}
+    assert {path.name for path in folder.iterdir()} == files
+
+
+def test_an_export_holds_what_was_described_and_what_made_it(tmp_path):
+    tested = task(*FIVE)
+    tested = replace(tested, query=replace(tested.query, scans=turned(tested.query.scans)))
+    outcome = evaluate_method("toy", Toy(), tested, train="city", export=tmp_path)
+    sides = {"database": tested.database, "query": tested.query}
+    numbers = {"database": [10, 20, 30, 40], "query": FIVE[0]}
+    for which, expected in sides.items():
+        found = read_descriptors(tmp_path / f"toy__sim__test__{which}.safetensors")
+        assert found.descriptors.tolist() == numbers[which]
+        assert np.array_equal(found.positions, expected.scans.positions)
+        assert np.array_equal(found.indices, expected.scans.indices)
+        assert (found.side, found.session, found.ground_z) == (which, "s", 0.0)
+        assert (found.method, found.train, found.test, found.region) == (
+            *("toy", "city", "sim", "test"),
+        )
+        assert found.made_by["class"] == "test_protocol.Toy"
+        assert found.made_by["raster"]["cells"] == 8
+        assert found.made_by["values"] == {"described": [], "yaw": True}
+        assert found.seconds_per_scan == outcome.results[0].seconds_per_scan
+    assert found.yaws.tolist() == [0, 1, 2, 3, 4]
+
+
+def turned(scans):
+    return replace(scans, yaws=np.arange(len(scans)) * 1.0)
+
+
+def test_what_cannot_be_exported_is_refused_before_the_queries_are_described(tmp_path):
+    method = Toy()
+    method.kernel = np.sin
+    with pytest.raises(DeepringError, match=r"Toy\.kernel: a ufunc, expected a plain value"):
+        evaluate_method("toy", method, task(*FIVE), export=tmp_path)
+    assert method.described == []
+
+    class Exact(Toy):
+        def describe(self, rasters):
+            return super().describe(rasters).double()
+
+    method, tested = Exact(), task(*FIVE)
+    with pytest.raises(DeepringError, match="database: descriptors of float64: expected float32"):
+        evaluate_method("toy", method, tested, export=tmp_path)
+    assert sum(n > 1 for n in method.described) == 1  # scans that are timed come one at a time
+    assert list(tmp_path.iterdir()) == []
+    assert evaluate_method("toy", Exact(), tested).results  # all the same without an export
+
+
+def test_an_export_replaces_its_own_files_and_no_other_method_s(tmp_path):
+    for _ in range(2):
+        evaluate_method("to y", Toy(), task(*FIVE), export=tmp_path)
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    method = Toy()
+    with pytest.raises(DeepringError, match="give the methods labels that differ in letters"):
+        evaluate_method("to/y", method, task(*FIVE), export=tmp_path)
+    assert method.described == []
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 @pytest.mark.parametrize("batch", [1, 2, 5, 6])

@@ -72,7 +72,7 @@ def test_a_missing_value_names_its_key(composed):
 def test_values_that_no_network_takes_are_refused(composed, override, complaint):
     cfg = composed(ROOT, override)
     with pytest.raises(DeepringError, match=complaint):
-        build.module(cfg, [], build.deepring_settings(cfg)).configure_optimizers()
+        build.module(cfg, [], build.network(cfg)).configure_optimizers()
 
 
 @pytest.mark.parametrize("kind", ["sinogram", "sinogram_half", "polar_gram", "range_image"])
@@ -81,7 +81,7 @@ def test_every_representation_goes_with_every_aggregation(composed, kind, aggreg
     cfg = composed(
         ROOT, f"representation={kind}", f"aggregation={aggregation}", "encoder=unet_small"
     )
-    assert build.module(cfg, [], build.deepring_settings(cfg)).method.representation.rows in (
+    assert build.module(cfg, [], build.network(cfg)).method.representation.rows in (
         60,
         120,
     )
@@ -92,7 +92,7 @@ def test_every_variant_composes_and_the_experiments_pooling_stays(composed):
     assert "triplet_dft2" in variants
     for variant in variants:
         cfg = composed(ROOT, "experiment=demo", f"variant={variant}")
-        module = build.module(cfg, [], build.deepring_settings(cfg))
+        module = build.module(cfg, [], build.network(cfg))
         assert module.method.representation.rows == 60
 
 
@@ -129,8 +129,8 @@ def test_each_ablation_names_its_command_and_every_job_of_it_composes(composed, 
             cfg = composed(f"ablation={ablation}", f"{key}={value}", "seed=1")
             assert cfg.sweep_name == ablation
             assert cfg.data.root.endswith("sim_nclt_seed1")
-            assert build.methods(cfg, None) == {}  # the network alone, again and again
-            module = build.module(cfg, [], build.deepring_settings(cfg))
+            assert build.fixed_methods(cfg) == {}  # the network alone, again and again
+            module = build.module(cfg, [], build.network(cfg))
             settings.append((module.hparams, cfg.episode.ways))
     assert len(settings) > 2
     assert all(a != b for a, b in combinations(settings, 2))
@@ -162,7 +162,7 @@ def test_the_config_and_the_mathematics_agree_on_preprocessing():
 
 
 def test_methods_are_built_with_their_rasters(composed):
-    methods = build.methods(composed(ROOT), None)
+    methods = build.fixed_methods(composed(ROOT))
     assert list(methods) == ["RING", "Scan Context 20x60", "Scan Context 120x120"]
     assert methods["RING"].raster.preprocessing.clearance == 0.5
     assert methods["Scan Context 20x60"].raster.shape == (60, 20)

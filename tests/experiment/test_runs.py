@@ -38,6 +38,21 @@ def test_a_run_is_read_as_plain_values(tmp_path):
     assert (list(run.results), run.commits) == ([RESULT], ["c0ffee"])
 
 
+def test_the_training_time_is_the_statuss(tmp_path):
+    timed = run_folder(tmp_path / "timed", status=Status("finished", score=0.5, seconds=90.5))
+    assert read_run(timed).seconds == 90.5
+    assert read_run(run_folder(tmp_path / "not")).seconds is None
+
+
+def test_a_status_of_before_there_was_a_time_has_none(tmp_path):
+    folder = run_folder(tmp_path / "old")
+    (folder / "status.json").write_text('{"state": "finished", "error": null, "score": 0.5}')
+    assert read_run(folder).seconds is None
+    (folder / "status.json").write_text('{"state": "finished", "seconds": "long"}')
+    with pytest.raises(DeepringError, match=r"status\.json: seconds 'long'; expected a number"):
+        read_run(folder)
+
+
 def test_runs_are_found_at_any_depth_in_order_and_a_run_by_itself(tmp_path):
     for name in ("sweep/b", "sweep/a", "sweep/deep/er/c"):
         run_folder(tmp_path / name)
@@ -70,7 +85,7 @@ def test_failed_unfinished_and_unevaluated_runs_are_left_out_and_listed(tmp_path
     assert found.left_out == [
         "left out: sweep/b: failed: out of memory",
         "left out: sweep/c: unfinished: still running, or killed",
-        "left out: sweep/d: not evaluated (test=false): no results.csv",
+        "left out: sweep/d: not evaluated (evaluate=false): no results.csv",
     ]
 
 

@@ -58,7 +58,9 @@ def test_a_finished_job_is_left_alone_and_tells_its_score_again(config, tmp_path
     folder = tmp_path / "job"
     score = run_job(config(folder, "trainer.max_epochs=1"), folder)
     assert 0 <= score <= 1
-    assert read_status(folder) == Status("finished", score=score)
+    status = read_status(folder)
+    assert (status.state, status.score) == ("finished", score)
+    assert status.seconds > 0
     before = contents(folder)
     assert run_job(config(folder, "trainer.max_epochs=1"), folder) == score
     assert contents(folder) == before
@@ -99,7 +101,7 @@ def _until(count, then):
 
 def test_every_epoch_can_be_gone_on_from_although_none_is_better(config, tmp_path, caplog):
     folder = tmp_path / "job"
-    still = ("optimizer.lr=0", "encoder.norm=none", "trainer.max_epochs=3", "test=false")
+    still = ("optimizer.lr=0", "encoder.norm=none", "trainer.max_epochs=3", "evaluate=false")
     with caplog.at_level("INFO", logger="deepring"):
         run_job(config(folder, *still), folder)
     # The validation recall never moves: the first epoch is the best, and the third the last.
@@ -133,7 +135,8 @@ def test_a_run_that_was_moved_still_knows_its_best(config, tmp_path):
     write_status(moved, Status("running"))
     (moved / "results.csv").unlink()
     run_job(config(moved, "trainer.max_epochs=2"), moved)
-    assert read_status(moved) == status
+    ended = read_status(moved)
+    assert (ended.state, ended.score) == (status.state, status.score)
     assert rates(moved) == expected
 
 

@@ -13,7 +13,7 @@ from deepring.errors import DeepringError
 from deepring.evaluation.results import COLUMNS, read_results
 from deepring.experiment.evaluate import evaluate, plan_evaluation
 from deepring.experiment.train import train
-from deepring.training.module import load_deepring
+from deepring.training.module import load_network
 
 EXPERIMENTS = sorted(path.stem for path in (config_folder() / "experiment").glob("*.yaml"))
 #: The tiny streets are 50 m wide: a narrow validation split, few ways.
@@ -36,7 +36,7 @@ POINTED = {
         "data.query='2031-03-17'",
         "data.regions.train=[{{half_plane: {{point: [0, 0], normal: [-1, 0]}}}}]",
         "data.regions.test=[{{half_plane: {{point: [150, 0], normal: [1, 0]}}}}]",
-        "test=false",
+        "evaluate=false",
     ],
     "paper_mulran": [
         "data.root={tiny_mulran}",
@@ -44,7 +44,7 @@ POINTED = {
         "data.query=SimCity02",
         "data.regions.train=[{{half_plane: {{point: [345000, 0], normal: [-1, 0]}}}}]",
         "data.regions.test=[{{half_plane: {{point: [345150, 0], normal: [1, 0]}}}}]",
-        "test=false",
+        "evaluate=false",
     ],
     "kitti": [
         "data.root={tiny_kitti}",
@@ -75,8 +75,8 @@ def test_each_experiment_runs_and_names_its_command(experiment, composed, reques
     overrides = pointed(experiment, request)
     cfg = composed(f"experiment={experiment}", "debug=fast", *SMALL, *overrides)
     trained = train(cfg, tmp_path / "run")
-    assert load_deepring(trained.checkpoint).trained_on
-    assert bool(trained.results) == cfg.test
+    assert load_network(trained.checkpoint).trained_on
+    assert bool(trained.results) == cfg.evaluate
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +183,7 @@ def test_what_would_fail_after_training_fails_before(
 def test_training_on_what_is_tested_is_refused(composed, tiny_nclt, tmp_path, caplog):
     regions = ["data.regions.train=null", "data.regions.test=null"]
     cfg = composed(f"data.root={tiny_nclt}", "debug=fast", *SMALL, *regions)
-    with pytest.raises(DeepringError, match="allow_overlap"):
+    with pytest.raises(DeepringError, match="overlap=allow"):
         train(cfg, tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
@@ -225,7 +225,7 @@ def test_an_evaluation_records_the_checkpoints_model(small_run, composed, tiny_n
 def test_evaluating_where_it_was_trained_is_said(
     region, warned, small_run, composed, tiny_nclt, caplog
 ):
-    options = [f"data.root={tiny_nclt}", *SMALL[3:], f"evaluation.region={region}"]
+    options = [f"data.root={tiny_nclt}", *SMALL[3:], f"evaluation.regions=[{region}]"]
     plan_evaluation(composed(*options, name="evaluate"), small_run[1].checkpoint)
     assert ("how well it remembers" in caplog.text) == warned
 
@@ -245,8 +245,10 @@ def test_a_query_that_cannot_be_decoded_is_left_out_everywhere(
 ):
     damaged = tmp_path / "damaged"
     shutil.copytree(tiny_kitti, damaged)
-    cfg = composed("data=kitti", f"data.root={damaged}", "evaluation.region=whole", name="evaluate")
-    query = plan_evaluation(cfg).split.query
+    cfg = composed(
+        "data=kitti", f"data.root={damaged}", "evaluation.regions=[whole]", name="evaluate"
+    )
+    query = plan_evaluation(cfg).splits[0].query
     scan = query.session.files[query.indices[int(which * (len(query) - 1))]]
     scan.write_bytes(bytes(1600))  # a hundred records without one valid point
     results = evaluate(cfg, tmp_path / "run", plan_evaluation(cfg))

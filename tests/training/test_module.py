@@ -12,8 +12,8 @@ from deepring.data.cache import Rasters, pack
 from deepring.data.datamodule import RetrievalBatch
 from deepring.data.episodes import EpisodeDataset, EpisodeOrder, EpisodeSettings, Places
 from deepring.errors import DeepringError
-from deepring.methods.deepring import DeepRingSettings
-from deepring.training.module import DeepRingModule, load_deepring
+from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.training.module import PlaceModule, load_network
 
 RASTER = BevRaster(cells=32)
 SETTINGS = DeepRingSettings(
@@ -55,8 +55,8 @@ class Toy(L.LightningDataModule):
 
 def module(seed=0, optimizer=None):
     L.seed_everything(seed, verbose=False)
-    return DeepRingModule(
-        SETTINGS.to_dict(),
+    return PlaceModule(
+        DeepRing(SETTINGS),
         validation=["toy"],
         optimizer=optimizer or partial(torch.optim.Adam, lr=1e-2, weight_decay=1e-4),
         scheduler=partial(torch.optim.lr_scheduler.MultiStepLR, milestones=[2], gamma=0.1),
@@ -127,7 +127,7 @@ def test_a_checkpoint_carries_all_that_makes_its_descriptors(tmp_path):
     # weights_only: nothing but plain values and tensors in it.
     state = torch.load(tmp_path / "last.ckpt", weights_only=True)
     assert state["hyper_parameters"]["settings"]["raster"]["preprocessing"]["clearance"] == 0.5
-    loaded = load_deepring(tmp_path / "last.ckpt")
+    loaded = load_network(tmp_path / "last.ckpt")
     assert loaded.trained_on == "toy"
     assert loaded.method.raster == RASTER
     image = Toy().rasters[:3]
@@ -136,13 +136,13 @@ def test_a_checkpoint_carries_all_that_makes_its_descriptors(tmp_path):
 
 def test_a_missing_or_foreign_checkpoint_is_one_clear_error(tmp_path):
     with pytest.raises(DeepringError, match="is no file"):
-        load_deepring(tmp_path / "none.ckpt")
+        load_network(tmp_path / "none.ckpt")
     (tmp_path / "junk.ckpt").write_bytes(b"not a checkpoint")
-    with pytest.raises(DeepringError, match="is no whole DeepRING checkpoint"):
-        load_deepring(tmp_path / "junk.ckpt")
+    with pytest.raises(DeepringError, match="is no whole checkpoint"):
+        load_network(tmp_path / "junk.ckpt")
     torch.save({"state_dict": {}}, tmp_path / "other.ckpt")
-    with pytest.raises(DeepringError, match="is no whole DeepRING checkpoint"):
-        load_deepring(tmp_path / "other.ckpt")
+    with pytest.raises(DeepringError, match="is no whole checkpoint"):
+        load_network(tmp_path / "other.ckpt")
 
 
 def test_bf16_trains_and_describes_in_float32(tmp_path):

@@ -13,7 +13,15 @@ from omegaconf import DictConfig
 
 from deepring.cli.process import tune_process
 from deepring.cli.report import console, mistakes_reported
-from deepring.cli.sweeps import in_parallel, is_sweep, naming, outcome_noted, run_sweep
+from deepring.cli.sweeps import (
+    Swept,
+    in_parallel,
+    is_sweep,
+    naming,
+    outcome_noted,
+    report_sweep,
+    run_sweep,
+)
 from deepring.evaluation.results import Result
 from deepring.evaluation.tables import render, render_radii
 from deepring.experiment.config import (
@@ -40,13 +48,19 @@ def train_command(arguments: Sequence[str]) -> None:
     other or as the launcher has it.
     """
     if is_sweep(arguments):
-        named = naming(arguments, config_folder() / "ablation")
-        run_sweep(lambda: _run_hydra("train", _sweep_job, [*arguments, *named]))
+        if report_sweep(run_multirun(arguments)):
+            sys.exit(1)
         return
     resumed = [a.partition("=")[2] for a in arguments if a.startswith("resume=")]
     if resumed and (folder := run_of(Path(resumed[-1]))) is not None:
         arguments = [*arguments, f"hydra.run.dir={folder}"]
     _run_hydra("train", _train, arguments)
+
+
+def run_multirun(arguments: Sequence[str]) -> Swept:
+    """The jobs of ``deepring train -m``, and how they ended."""
+    named = naming(arguments, config_folder())
+    return run_sweep(lambda: _run_hydra("train", _sweep_job, [*arguments, *named]))
 
 
 def run_of(checkpoint: Path) -> Path | None:
@@ -98,7 +112,8 @@ def _train(composed: DictConfig) -> None:
     if trained.results:
         show(cfg, trained.results)
     if is_first_process():
-        console.print(f"checkpoint   {trained.checkpoint}")
+        if trained.checkpoint is not None:
+            console.print(f"checkpoint   {trained.checkpoint}")
         show_folder(trained.folder)
 
 

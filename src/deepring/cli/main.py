@@ -1,6 +1,7 @@
-"""`deepring`: the commands, each imported when it is called."""
+"""`deepring`: which command is meant."""
 
 import argparse
+import importlib
 import sys
 from collections.abc import Sequence
 
@@ -12,9 +13,11 @@ USAGE = """\
 deepring COMMAND ...
 
 commands:
-  train       train DeepRING and evaluate it       deepring train experiment=demo
+  train       train a method and evaluate it       deepring train experiment=demo
               or sweep over what is varied         deepring train -m ablation=table3
   evaluate    evaluate methods on a test region    deepring evaluate data=sim_nclt
+  compare     train and evaluate all methods       deepring compare
+  score       score exported descriptors again     deepring score FOLDER
   tables      tables of a sweep's finished runs    deepring tables FOLDER
   case-study  why sinograms: SG against PG         deepring case-study DATASET
   simulate    write a simulated dataset            deepring simulate nclt -o FOLDER
@@ -24,7 +27,18 @@ commands:
 """
 
 
-COMMANDS = ("train", "evaluate", "tables", "case-study", "simulate", "data")
+#: Where each command lies, imported when it is called: torch and Lightning take seconds, and
+#: --help should not.
+COMMANDS = {
+    "train": "deepring.cli.experiments:train_command",
+    "evaluate": "deepring.cli.experiments:evaluate_command",
+    "compare": "deepring.cli.compare:compare_command",
+    "score": "deepring.cli.score:score_command",
+    "tables": "deepring.cli.tables:tables_command",
+    "case-study": "deepring.cli.case_study:case_study_command",
+    "simulate": "deepring.cli.simulate:simulate_command",
+    "data": "deepring.cli.data:data_command",
+}
 
 
 @mistakes_reported
@@ -33,40 +47,15 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser("deepring", usage=USAGE, add_help=False)
     parser.add_argument("-h", "--help", action="store_true")
     parser.add_argument("--version", action="version", version=f"deepring {__version__}")
-    parser.add_argument("command", nargs="?", choices=COMMANDS)
+    parser.add_argument("command", nargs="?", choices=list(COMMANDS))
     arguments = list(sys.argv[1:] if argv is None else argv)
     chosen = parser.parse_args(arguments[:1])
     if chosen.help or chosen.command is None:
         print(USAGE, end="")
         sys.exit(0 if chosen.help else 2)
-    rest = arguments[1:]
     tune_process()
-    # Imported late: torch and Lightning take seconds, and --help should not.
-    match chosen.command:
-        case "train":
-            from deepring.cli.experiments import train_command
-
-            train_command(rest)
-        case "evaluate":
-            from deepring.cli.experiments import evaluate_command
-
-            evaluate_command(rest)
-        case "tables":
-            from deepring.cli.tables import tables_command
-
-            tables_command(rest)
-        case "case-study":
-            from deepring.cli.case_study import case_study_command
-
-            case_study_command(rest)
-        case "simulate":
-            from deepring.cli.simulate import simulate_command
-
-            simulate_command(rest)
-        case "data":
-            from deepring.cli.data import data_command
-
-            data_command(rest)
+    module, function = COMMANDS[chosen.command].split(":")
+    getattr(importlib.import_module(module), function)(arguments[1:])
 
 
 if __name__ == "__main__":

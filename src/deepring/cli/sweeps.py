@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -48,11 +48,16 @@ def is_sweep(arguments: Sequence[str]) -> bool:
     return asked
 
 
-def naming(arguments: Sequence[str], ablations: Path) -> list[str]:
+#: Groups whose files say what a sweep varies.
+_SWEEPING = ("ablation", "comparison")
+
+
+def naming(arguments: Sequence[str], configs: Path) -> list[str]:
     """A further override, by which a job's folder is named after what is varied alone.
 
-    What an ablation of the folder ``ablations`` varies is a part of the name also where the
-    command line gives it one value; of a key given twice the last one counts, as for Hydra.
+    What an ablation or a comparison in the folder ``configs`` varies is a part of the name also
+    where the command line gives it one value; of a key given twice the last one counts, as for
+    Hydra.
     """
     parser = OverridesParser.create()
     swept: dict[str, bool] = {}
@@ -68,8 +73,8 @@ def naming(arguments: Sequence[str], ablations: Path) -> list[str]:
         swept[key] = override.is_sweep_override()
         if key == "hydra.sweep.dir" and not override.value():
             raise DeepringError(f"{argument}: expected a folder to keep the sweep in")
-        if key == "ablation" and not swept[key]:
-            varied |= _varied_by(ablations / f"{override.value()}.yaml")
+        if key in _SWEEPING and not swept[key]:
+            varied |= _varied_by(configs / key / f"{override.value()}.yaml")
     fixed = [key for key in swept if not swept[key] and key.lstrip("+~") not in varied]
     keys = ",".join(f'"{key}"' for key in dict.fromkeys(_spellings(fixed)))
     return [f"hydra.job.config.override_dirname.exclude_keys=[{keys}]"]
@@ -81,11 +86,11 @@ def _spellings(keys: Sequence[str]) -> Iterator[str]:
         yield from (key, key.lstrip("+~"))
 
 
-def _varied_by(ablation: Path) -> set[str]:
-    """The keys that an ablation file sweeps; none where it is not there, as Hydra will say."""
-    if not ablation.is_file():
+def _varied_by(config: Path) -> set[str]:
+    """The keys that a config file sweeps; none where it is not there, as Hydra will say."""
+    if not config.is_file():
         return set()
-    params = OmegaConf.select(OmegaConf.load(ablation), "hydra.sweeper.params", default={})
+    params = OmegaConf.select(OmegaConf.load(config), "hydra.sweeper.params", default={})
     return set(params)
 
 
@@ -114,8 +119,17 @@ class FreshOutcomes(Callback):
             os.environ[OUTCOMES] = tempfile.mkdtemp(prefix=".outcomes-", dir=sweep)
 
 
-def run_sweep(launch: Callable[[], None]) -> None:
-    """Launch the jobs, say how they ended, and exit with 1 where one failed.
+class Swept(NamedTuple):
+    """How the jobs of a sweep ended."""
+
+    finished: list[Path]
+    """Folders."""
+    failed: list[tuple[Path, str]]
+    """Folders, and why."""
+
+
+def run_sweep(launch: Callable[[], None]) -> Swept:
+    """Launch the jobs and tell how they ended; on Ctrl-C say so and exit.
 
     A killed process takes its whole pool of processes with it, so the jobs are launched again:
     finished ones are skipped, the others go on, and none is begun more than `ATTEMPTS` times.
@@ -131,15 +145,21 @@ def run_sweep(launch: Callable[[], None]) -> None:
                 if all(outcome["attempts"] >= ATTEMPTS for outcome in begun):
                     break
                 log.warning("a job's process was killed; launching what is left again")
-        failed = report_sweep()
+        return _swept()
     except KeyboardInterrupt:
-        report_sweep()
+        report_sweep(_swept())
         print("interrupted; the same command goes on with what is left", file=sys.stderr)
         sys.exit(INTERRUPTED)
     finally:
         shutil.rmtree(os.environ.pop(OUTCOMES, ""), ignore_errors=True)
-    if failed:
-        sys.exit(1)
+
+
+def _swept() -> Swept:
+    ended = [(Path(outcome["folder"]), outcome["error"]) for outcome in _outcomes()]
+    return Swept(
+        [folder for folder, error in ended if error is None],
+        [(folder, error) for folder, error in ended if error is not None],
+    )
 
 
 @contextmanager
@@ -194,15 +214,12 @@ def _speak_as(name: str) -> None:
         handler.setFormatter(logging.Formatter(f"[%(asctime)s] {safe}: %(message)s", "%H:%M:%S"))
 
 
-def report_sweep() -> int:
+def report_sweep(swept: Swept) -> int:
     """Say how many jobs finished, which failed and why; the number of those that did not finish."""
-    outcomes = _outcomes()
-    failed = [outcome for outcome in outcomes if outcome["error"] is not None]
-    console.print(f"sweep        {len(outcomes) - len(failed)} of {len(outcomes)} jobs finished")
-    for outcome in failed:
-        name = Path(outcome["folder"]).name
-        print(f"failed       {name}: {outcome['error']}", file=sys.stderr)
-    finished = [Path(outcome["folder"]) for outcome in outcomes if outcome["error"] is None]
+    finished, failed = swept
+    console.print(f"sweep        {len(finished)} of {len(finished) + len(failed)} jobs finished")
+    for folder, error in failed:
+        print(f"failed       {folder.name}: {error}", file=sys.stderr)
     if finished:
         place = finished[0].parent
         shown = place.relative_to(Path.cwd()) if place.is_relative_to(Path.cwd()) else place

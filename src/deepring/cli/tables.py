@@ -1,18 +1,27 @@
-"""`deepring tables`: the ablation tables of a sweep."""
+"""`deepring tables`: the ablation tables of a sweep, or those that compare methods."""
 
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from typing import get_args
 
+from matplotlib.figure import Figure
+
 from deepring.cli.report import console
 from deepring.evaluation.ablation import AblationTable, ablation_tables
 from deepring.evaluation.ablation_grids import number_grid, shown_grid
-from deepring.evaluation.grid import csv, latex, markdown, terminal
+from deepring.evaluation.comparison import Comparison, compare, is_comparison
+from deepring.evaluation.comparison_curves import curve_panels
+from deepring.evaluation.comparison_grids import number_grid as comparison_numbers
+from deepring.evaluation.comparison_grids import shown_grids
+from deepring.evaluation.grid import Grid, csv, latex, markdown, terminal
 from deepring.evaluation.metrics import Over
+from deepring.evaluation.retrievals import FOLDER, retrievals_in
+from deepring.evaluation.rows import Run, seed_of
 from deepring.experiment.runs import find_runs
 from deepring.files import replacing
 from deepring.viz.ablation import ablation_figure
+from deepring.viz.comparison import comparison_figure
 from deepring.viz.style import save
 
 
@@ -20,35 +29,68 @@ def tables_command(arguments: Sequence[str]) -> None:
     """``deepring tables PATH [PATH ...]``: print the tables of finished runs, and write them."""
     args = _parser().parse_args(arguments)
     found = find_runs(args.paths)
-    tables = ablation_tables(found.runs, args.radius, args.over, mix=args.mix, notes=found.left_out)
     folder = args.output or args.paths[0] / "tables"
-    console.print(terminal([shown_grid(table) for table in tables]))
-    for table in tables:
-        _write(table, folder)
+    asked = {"mix": args.mix, "notes": found.left_out}
+    if is_comparison(found.runs):
+        _show_comparison(compare(found.runs, args.radius, args.over, **asked), found.runs, folder)
+    else:
+        _show_ablation(ablation_tables(found.runs, args.radius, args.over, **asked), folder)
 
 
-def _write(table: AblationTable, folder: Path) -> None:
-    """Write a table in every format, and its figure, and say where they lie."""
-    grid = shown_grid(table)
-    texts = {"md": markdown([grid]), "tex": latex(grid), "csv": csv(number_grid(table))}
-    for ending, text in texts.items():
-        path = folder / f"{table.name}.{ending}"
-        with replacing(path) as temporary:
-            temporary.write_text(text, encoding="utf-8", newline="")
-        console.print(f"{_WHAT[ending]:<12} {path}", markup=False)
-    save(ablation_figure(table), folder / f"{table.name}.png")
-    console.print(f"figure       {folder / f'{table.name}.png'}", markup=False)
+def _show_ablation(tables: Sequence[AblationTable], folder: Path) -> None:
+    """Print the tables, and write each in every format and as a figure."""
+    grids = [shown_grid(table) for table in tables]
+    console.print(terminal(grids))
+    for table, grid in zip(tables, grids, strict=True):
+        _write_shown(table.name, grid, folder)
+        _write(folder / f"{table.name}.csv", csv(number_grid(table)))
+        _save(ablation_figure(table), folder / f"{table.name}.png")
 
 
-_WHAT = {"md": "table", "tex": "latex", "csv": "numbers"}
+def _show_comparison(comparison: Comparison, runs: Sequence[Run], folder: Path) -> None:
+    """Print the tables, and write each as it is shown, all numbers in one file, and a figure."""
+    grids = shown_grids(comparison)
+    console.print(terminal(list(grids.values())))
+    for name, grid in grids.items():
+        _write_shown(name, grid, folder)
+    _write(folder / "comparison.csv", csv(comparison_numbers(comparison)))
+    retrieved = ((seed_of(run), found) for run in runs for found in retrievals_in(run.folder))
+    curves = curve_panels(comparison, retrieved)
+    if curves.panels:
+        for row in curves.lacking:
+            console.print(f"no curve     {row}: no {FOLDER}/*.csv", markup=False)
+        _save(comparison_figure(curves.panels, comparison.radius), folder / "pr_curves.png")
+    else:
+        console.print(f"no figure    no {FOLDER}/*.csv of Table I or II in the run folders")
+
+
+def _write_shown(name: str, grid: Grid, folder: Path) -> None:
+    _write(folder / f"{name}.md", markdown([grid]))
+    _write(folder / f"{name}.tex", latex(grid))
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file, and say where it lies."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="")
+    console.print(f"{_WHAT[path.suffix]:<12} {path}", markup=False)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    save(figure, path)
+    console.print(f"figure       {path}", markup=False)
+
+
+_WHAT = {".md": "table", ".tex": "latex", ".csv": "numbers"}
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "deepring tables",
-        description="Print the ablation tables of finished runs, beside the paper's values, and "
-        "write them as Markdown, LaTeX, CSV and a figure. Runs that differ in nothing but the "
-        "seed are one row.",
+        description="Print the tables of finished runs, beside the paper's values, and write "
+        "them as Markdown, LaTeX, CSV and a figure. Runs that differ in nothing but the seed are "
+        "one row. Runs of several methods, or tested in several places, are compared (Tables I "
+        "and II); any others are an ablation (Tables III and IV).",
     )
     parser.add_argument(
         "paths", type=Path, nargs="+", metavar="PATH", help="folder of a sweep, or of a run"

@@ -26,6 +26,17 @@ def central_magnitude(feature: Tensor, size: int = 32) -> Tensor:
     return centred[..., first : first + size, left : left + size].flatten(-2)
 
 
+def phase_curves(queries: Tensor, entries: Tensor) -> Tensor:
+    """The phase correlation of maps (..., θ, r) at all shifts along both axes: (..., θ, r).
+
+    The leading axes broadcast. Shifts are those of `Match`: the query is the entry rolled.
+    """
+    q, d = (torch.fft.rfft2(maps.float()) for maps in (queries, entries))
+    cross = q * d.conj()
+    phase = cross / cross.abs().clamp_min(1e-12)
+    return torch.fft.irfft2(phase, s=queries.shape[-2:])
+
+
 def phase_correlation(queries: Tensor, entries: Tensor) -> Match:
     """The peak of the phase correlation of maps (..., θ, r), and its shift along θ: (...).
 
@@ -33,10 +44,7 @@ def phase_correlation(queries: Tensor, entries: Tensor) -> Match:
     is 1 for maps that are circular shifts of each other. The shift is that of `Match`: the query
     is the entry's rows rolled by +shift.
     """
-    q, d = (torch.fft.rfft2(maps.float()) for maps in (queries, entries))
-    cross = q * d.conj()
-    phase = cross / cross.abs().clamp_min(1e-12)
-    rows, columns = queries.shape[-2:]
-    curves = torch.fft.irfft2(phase, s=(rows, columns))
+    curves = phase_curves(queries, entries)
+    columns = queries.shape[-1]
     peak, where = curves.flatten(-2).max(dim=-1)
     return Match(peak, torch.div(where, columns, rounding_mode="floor"))

@@ -20,7 +20,7 @@ import torch
 from numpy.typing import NDArray
 
 from deepring.core.rasters import Raster, raster_settings
-from deepring.core.rigid import turn_points
+from deepring.core.rigid import turn_points, yaw_of
 from deepring.data.scan import Session
 from deepring.errors import BrokenScanError, DeepringError
 
@@ -59,6 +59,11 @@ class ScanSet:
     def ground_truth(self) -> NDArray[np.float64]:
         """Ground-truth positions (n, 2), as the dataset writes them."""
         return self.session.ground_truth[self.indices]
+
+    @property
+    def headings(self) -> NDArray[np.float64]:
+        """Yaw of the scan frames in the world (n,), radians, counter-clockwise, before any turn."""
+        return yaw_of(self.session.poses[self.indices])
 
     def subset(self, keep: NDArray[np.bool_]) -> "ScanSet":
         """The scans where ``keep`` (n,) holds."""

@@ -1,25 +1,19 @@
-"""Episodes to train on and retrieval sets to validate on, as a LightningDataModule."""
+"""Batches to train on and retrieval sets to validate on, as a LightningDataModule."""
 
 import logging
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import lightning as L
-import numpy as np
 import torch
-from torch.utils.data import DataLoader
+from torch.utils.data import DataLoader, Dataset
 
 from deepring.core.rasters import Raster
 from deepring.data.cache import RasterCache, Rasters, ScanSet
 from deepring.data.dataset import PlaceDataset, distances_between
-from deepring.data.episodes import (
-    Episode,
-    EpisodeDataset,
-    EpisodeOrder,
-    EpisodeSettings,
-    Places,
-)
+from deepring.data.episodes import EpisodeOrder
+from deepring.data.pool import Drawing, Part, join
 from deepring.errors import DeepringError
 from deepring.progress import progress_bar
 
@@ -53,28 +47,28 @@ def load_rasters(
 
 
 class PlaceDataModule(L.LightningDataModule):
-    """N-way episodes from the training regions of one or several datasets.
+    """Training batches from the training regions of one or several datasets.
 
     Args:
         datasets: what to train on; each gives a validation set unless its share is 0.
         raster: the image of a scan that the method takes.
-        episode: the episode.
+        drawing: how batches are drawn, such as `EpisodeSettings`.
         cache: where rasters are kept.
-        seed: of the episodes.
-        workers: processes that draw episodes; 0 draws them in the training process.
+        seed: of the batches.
+        workers: processes that draw them; 0 draws them in the training process.
     """
 
     def __init__(
         self,
         datasets: Sequence[PlaceDataset],
         raster: Raster,
-        episode: EpisodeSettings,
+        drawing: Drawing,
         cache: RasterCache,
         seed: int = 0,
         workers: int = 0,
     ) -> None:
         super().__init__()
-        self.datasets, self.raster, self.episode = datasets, raster, episode
+        self.datasets, self.raster, self.drawing = datasets, raster, drawing
         self.cache, self.seed, self.workers = cache, seed, workers
         self.validation: dict[str, RetrievalBatch] = {}
 
@@ -89,24 +83,19 @@ class PlaceDataModule(L.LightningDataModule):
         """Load what the training regions hold. Raises DeepringError where it is too little."""
         if stage != "fit":
             return
-        positions, owners, data = [], [], []
+        parts = []
         for number, dataset in enumerate(self.datasets):
             for scans in dataset.training():
                 kept, rasters, _ = self.cache.load(scans, self.raster)
-                # Around each dataset's own origin, so that UTM keeps its precision.
-                positions.append(kept.positions - dataset.database.positions[0])
-                owners.append(np.full(len(kept), number, dtype=np.int64))
-                data.append(rasters.data)
-        places = Places(np.concatenate(positions), np.concatenate(owners), self.episode)
-        places.sample(np.random.default_rng([self.seed, 0]))  # fail here, not in a worker
-        rasters = Rasters(np.concatenate(data), self.raster)
-        self.train_set = EpisodeDataset(places, rasters, self.seed)
+                parts.append(Part(number, dataset.database.positions[0], kept, rasters))
+        self.pool = join(parts)
+        log.info("training pool: %d scans", len(self.pool))
+        self.train_set = self.drawing.training_set(self.pool, self.seed)
         self.validation = {
             dataset.name: self._validation_batch(dataset)
             for dataset in self.datasets
             if dataset.has_validation
         }
-        log.info("training pool: %d scans, %d anchors", len(rasters), len(places.anchors))
 
     def _validation_batch(self, dataset: PlaceDataset) -> RetrievalBatch:
         split = dataset.retrieval("validation")
@@ -121,18 +110,18 @@ class PlaceDataModule(L.LightningDataModule):
             d[everything], q[everything], distances_between(query.positions, database)
         )
 
-    def train_dataloader(self) -> DataLoader[Episode]:
-        """Episodes of an epoch; each distributed process takes its own."""
+    def train_dataloader(self) -> DataLoader[Any]:
+        """Batches of an epoch; each distributed process takes its own."""
         rank, world = (
             (self.trainer.global_rank, self.trainer.world_size) if self.trainer else (0, 1)
         )
-        order = EpisodeOrder(self.episode.per_epoch, rank, world)
+        order = EpisodeOrder(len(self.train_set), rank, world)
         return DataLoader(
-            self.train_set,
+            cast("Dataset[Any]", self.train_set),
             batch_size=None,
             sampler=order,
+            # Workers start anew each epoch, and so see what the set has learnt meanwhile.
             num_workers=self.workers,
-            persistent_workers=self.workers > 0,
         )
 
     def val_dataloader(self) -> list[DataLoader[RetrievalBatch]]:

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 from torch.utils.data import Dataset, Sampler
 
 from deepring.data.cache import Rasters
+from deepring.data.pool import TrainingPool, set_apart, within
 from deepring.errors import DeepringError
 
 
@@ -38,6 +38,12 @@ class EpisodeSettings:
                 f"episode.same: {self.same} m, episode.different: {self.different} m; "
                 "expected 0 < same <= different"
             )
+
+    def training_set(self, pool: TrainingPool, seed: int) -> "EpisodeDataset":
+        """Episodes of a pool. Raises DeepringError where it holds fewer places than ways."""
+        places = Places(pool.positions, pool.owners, self)
+        places.sample(np.random.default_rng([seed, 0]))  # fail here, not in a worker
+        return EpisodeDataset(places, pool.rasters, seed)
 
 
 class Episode(NamedTuple):
@@ -66,11 +72,9 @@ class Places:
     ) -> None:
         self.settings = settings
         self.size = settings.shots + settings.queries
-        # A third axis sets the datasets a thousand kilometres apart.
-        self.points = np.column_stack([positions, dataset * 1e6])
-        tree = KDTree(self.points)
-        self.near = [np.array(n) for n in tree.query_ball_point(self.points, settings.same)]
-        self.around = [np.array(n) for n in tree.query_ball_point(self.points, settings.different)]
+        self.points = set_apart(positions, dataset)
+        self.near = within(self.points, settings.same)
+        self.around = within(self.points, settings.different)
         counts = np.array([len(near) for near in self.near], dtype=np.int64)
         self.anchors = np.flatnonzero(counts >= self.size)
 
@@ -132,6 +136,10 @@ class EpisodeDataset(Dataset[Episode]):
     def __init__(self, places: Places, rasters: Rasters, seed: int) -> None:
         self.places, self.rasters, self.seed = places, rasters, seed
 
+    def __len__(self) -> int:
+        """Episodes in an epoch."""
+        return self.places.settings.per_epoch
+
     def __getitem__(self, index: int) -> Episode:
         """Draw episode ``index``, of all epochs counted through."""
         rng = np.random.default_rng([self.seed, index])
@@ -141,7 +149,7 @@ class EpisodeDataset(Dataset[Episode]):
 
 
 class EpisodeOrder(Sampler[int]):
-    """Episode numbers of an epoch; each process of a distributed run takes its own."""
+    """Numbers of an epoch's batches; each process of a distributed run takes its own."""
 
     def __init__(self, per_epoch: int, rank: int = 0, world_size: int = 1) -> None:
         self.per_epoch, self.rank, self.world_size = per_epoch, rank, world_size

@@ -4,6 +4,7 @@ import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,16 @@ from torch import Tensor
 from torchmetrics import Metric
 
 from deepring.data.cache import Progress, Rasters, ScanSet
-from deepring.data.dataset import distances_between
 from deepring.errors import DeepringError
+from deepring.evaluation.described import (
+    AsAsked,
+    Described,
+    Placed,
+    distances_to,
+    shortest_distance,
+)
+from deepring.evaluation.descriptors import Labels
+from deepring.evaluation.export import Export
 from deepring.evaluation.metrics import MaxF1, PlaceAUC, PlacePrecisionRecall, RecallAtK
 from deepring.evaluation.results import Result
 from deepring.evaluation.retrieval import describe_all
@@ -25,8 +34,11 @@ log = logging.getLogger(__name__)
 #: An evaluation sees all queries in one process, also after a distributed training.
 ALONE: dict[str, Any] = {"sync_on_compute": False}
 
-#: Queries compared at a time.
+#: Scans described and queries compared at a time.
 BATCH = 64
+
+#: Revisit radii in metres; the first is the headline.
+RADII = (10.0, 5.0, 15.0, 20.0, 25.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,17 +94,22 @@ def evaluate_method(
     name: str,
     method: Method,
     task: Task,
-    radii: Sequence[float] = (10.0, 5.0, 15.0, 20.0, 25.0),
+    radii: Sequence[float] = RADII,
     train: str = "",
     device: torch.device | None = None,
     progress: Progress | None = None,
+    export: Path | None = None,
 ) -> Outcome:
     """Describe both sides, look every query up, and count at each revisit radius (metres).
 
     ``train`` names what a learned method was trained on. The work is done on ``device``, where
     the method must be; ``progress`` is called with scans done and their total. A radius at which
     no query has an answer is left out with a warning; the first, the headline, raises
-    DeepringError then.
+    DeepringError then, before anything is described.
+
+    Descriptors of the whole database are held in memory, those of one batch of queries. With
+    ``export`` those of all queries are, and both sides are written into that folder, each as one
+    file that `deepring.evaluation.scoring` counts again.
     """
     for what, side in (("database", task.database), ("query", task.query)):
         if not len(side):
@@ -100,35 +117,100 @@ def evaluate_method(
                 f"{task.test}, region {task.region}: the {what} holds 0 scans; expected at least "
                 f"one; mend data.regions.{task.region} or data.{what}"
             )
+    labels = Labels(name, train, task.test, task.region)
+    check_answerable(labels, task.query.scans, task.database.scans, radii)
+    exported = None if export is None else Export(export, labels, method)
+    database = describe_side(method, task.database, device, progress)
+    per_scan = seconds_per_scan(method, task.query.scans, device)
+    if exported is not None:
+        exported.add("database", task.database.scans, database, per_scan)
+    query = describe_side(method, task.query, device, progress, hold=exported is not None)
+    if exported is not None:
+        exported.add("query", task.query.scans, query, per_scan)
+        exported.write()
+    return score_sides(labels, method, query, database, radii, per_scan, device, progress)
+
+
+def check_answerable(
+    labels: Labels, query: Placed, database: Placed, radii: Sequence[float]
+) -> None:
+    """Raise DeepringError unless all radii are lengths and some query has a place within the first.
+
+    There must be a first.
+    """
     if not radii:
         raise DeepringError("evaluation.radii: empty, expected at least one radius in metres")
+    for radius in radii:
+        RecallAtK(1, radius)  # refuses what is no length
+    nearest = shortest_distance(query, database, radii[0], BATCH)
+    if not torch.tensor(nearest) <= radii[0]:  # in float32, as the metrics compare
+        raise DeepringError(
+            f"{labels.test}, region {labels.region}: radius {radii[0]:g} m: 0 of "
+            f"{len(query.positions)} queries have a database place within it, the nearest lies at "
+            f"{nearest:.4g} m; expected at least one; take a wider radius first, or check that "
+            "both sides cover the same ground"
+        )
+
+
+def describe_side(
+    method: Method,
+    side: Side,
+    device: torch.device | None = None,
+    progress: Progress | None = None,
+    *,
+    hold: bool = True,
+) -> Described:
+    """Describe a side on ``device``, in batches; ``progress`` as in `evaluate_method`.
+
+    Without ``hold`` nothing is described yet: each batch is when it is looked up.
+    """
+    if not hold:
+        return Described(AsAsked(method, side.rasters, device), side.scans.positions)
+    descriptors = describe_all(method, side.rasters, BATCH, device, progress)
+    return Described(descriptors, side.scans.positions)
+
+
+def score_sides(
+    labels: Labels,
+    method: Method,
+    query: Described,
+    database: Described,
+    radii: Sequence[float],
+    per_scan: float,
+    device: torch.device | None = None,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Look every query up, and count at each radius: `evaluate_method` after describing.
+
+    ``per_scan`` is the seconds from points to descriptor, which the rows repeat. Raises
+    DeepringError where no query has an answer within the first radius.
+    """
     counts = {radius: _metrics(radius) for radius in radii}
     curve = PlacePrecisionRecall(radii[0], **ALONE)
     everything = [curve, *(metric for group in counts.values() for metric in group.values())]
-    retrieved, seconds_per_query = _retrieve(method, task, everything, device, progress)
+    retrieved, per_query = _look_up(method, query, database, everything, device, progress)
 
-    per_scan = seconds_per_scan(method, task.query.scans, device)
     rows = []
     for radius, group in counts.items():
         answerable = int((retrieved.nearest <= radius).sum())
         if not answerable and radius != radii[0]:
-            log.warning("%s: no query has a place within %g m; left out", task.test, radius)
+            log.warning("%s: no query has a place within %g m; left out", labels.test, radius)
             continue
         row = Result(
-            method=name,
-            train=train,
-            test=task.test,
-            region=task.region,
+            method=labels.method,
+            train=labels.train,
+            test=labels.test,
+            region=labels.region,
             radius_m=float(radius),
-            database=len(task.database),
-            queries=len(task.query),
+            database=len(database),
+            queries=len(query),
             answerable=answerable,
             seconds_per_scan=per_scan,
-            seconds_per_query=seconds_per_query,
+            seconds_per_query=per_query,
             **{label: float(metric.compute()) for label, metric in group.items()},
         )
         rows.append(row)
-    return Outcome(name, rows, curve.compute(), retrieved)
+    return Outcome(labels.method, rows, curve.compute(), retrieved)
 
 
 def _metrics(radius: float) -> dict[str, Metric]:
@@ -140,44 +222,44 @@ def _metrics(radius: float) -> dict[str, Metric]:
     }
 
 
-def _retrieve(
+def _look_up(
     method: Method,
-    task: Task,
+    query: Described,
+    database: Described,
     metrics: Sequence[Metric],
     device: torch.device | None,
     progress: Progress | None,
 ) -> tuple[Retrieved, float]:
-    """The best place a query, and seconds to look one up; metrics see each batch of scores.
-
-    Descriptors of the whole database are held in memory, those of one batch of queries.
-    """
-    database = describe_all(method, task.database.rasters, BATCH, device, progress)
+    """The best place a query, and seconds to look one up; metrics see each batch of scores."""
+    entries = database.descriptors[:].to(device)
     columns: list[tuple[Tensor, ...]] = []
     turns: list[Tensor] = []
     seconds = 0.0
-    for start in range(0, len(task.query), BATCH):
+    for start in range(0, len(query), BATCH):
         rows = slice(start, start + BATCH)
-        query = method.describe(task.query.rasters[rows].to(device))
+        described = query.descriptors[rows].to(device)
+        if described.is_cuda:  # else the clock would count what is still being described
+            torch.cuda.synchronize(described.device)
         started = time.perf_counter()
-        score, yaw = method.compare(query, database)
+        score, yaw = method.compare(described, entries)
         score = score.cpu()  # waits for the device
         best = score.argmax(dim=1, keepdim=True)
         seconds += time.perf_counter() - started
-        distances = distances_between(task.query.scans.positions[rows], task.database.scans)
+        distances = distances_to(database, query.positions[rows])
         for metric in metrics:
             metric.update(score, distances)
         columns.append(
             (best, score.gather(1, best), distances.gather(1, best), distances.amin(1, True))
         )
         if progress is not None:
-            progress(min(rows.stop, len(task.query)), len(task.query))
+            progress(min(rows.stop, len(query)), len(query))
         if yaw is not None:
             turns.append(yaw.cpu().gather(1, best))
     place, top, distance, nearest = (
         torch.cat(column).squeeze(1).numpy() for column in zip(*columns, strict=True)
     )
     yaws = torch.cat(turns).squeeze(1).numpy() if turns else None
-    return Retrieved(place, top, yaws, distance, nearest), seconds / len(task.query)
+    return Retrieved(place, top, yaws, distance, nearest), seconds / len(query)
 
 
 def seconds_per_scan(

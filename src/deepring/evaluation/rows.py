@@ -9,7 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from deepring.errors import DeepringError
 from deepring.evaluation.results import Result
@@ -23,21 +23,28 @@ HEADLINE = "evaluation.radii[0]"
 #: Cannot change what is learnt: where a run lies, what it shows and what it is compared with.
 _IRRELEVANT = re.compile(
     r"(seed|paths|experiment_name|sweep_name|logger|resume|checkpoint|workers|methods"
-    r"|callbacks\.(progress|learning_rate)|test|allow_overlap|evaluation\.figures)(\..*)?"
+    r"|callbacks\.(progress|learning_rate)|test|evaluate|allow_overlap|overlap"
+    r"|evaluation\.(figures|descriptors))(\..*)?"
+    r"|method\.(label|note)"
     r"|callbacks\..*\.dirpath"
     r"|trainer\.(_target_|accelerator|log_every_n_steps|num_sanity_val_steps|profiler"
     r"|enable_.*|deterministic|default_root_dir|logger|callbacks)"
 )
 
 #: What a config means that was written before it could say so.
-_BEFORE = {"similarity.kind": "correlation", "representation.turn": "full"}
+_BEFORE = {
+    "method._target_": "deepring.methods.deepring.DeepRing",
+    "similarity.kind": "correlation",
+    "representation.turn": "full",
+}
 
 #: What must agree between runs that are compared. Where the data lie may go with the seed.
-_PROTOCOL = re.compile(r"(data|train_data|preprocessing|evaluation)\..*")
-_ROOT = re.compile(r"(data|train_data\.[^.]+)\.root")
+_PROTOCOL = re.compile(r"(data|train_data|test_data|preprocessing|evaluation)\..*")
+_ROOT = re.compile(r"(data|(train|test)_data\.[^.]+)\.root")
 
-#: What must agree between the results of one seed, beside the data's place.
-_COUNTED = ("test", "region", "database", "queries", "answerable")
+#: What the results of one seed count, which must agree beside the data's place.
+COUNTED = ("database", "queries", "answerable")
+_COUNTED = ("test", "region", *COUNTED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +57,25 @@ class Run:
     results: Sequence[Result]
     commits: Sequence[str] = ()
     """Of the code that made it, several where it went on with other code."""
+    seconds: float | None = None
+    """That the training took; None where nothing was trained, or nobody noted it."""
+
+
+class Origin(Protocol):
+    """Where a part of a table comes from."""
+
+    @property
+    def folder(self) -> str:
+        """The run's."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """The run's."""
+        ...
+
+
+_Origin = TypeVar("_Origin", bound=Origin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +132,7 @@ def collect_rows(runs: Sequence[Run], radius: float = 10.0, *, mix: bool = False
     if not runs:
         raise DeepringError("runs: none given; expected at least one that has finished")
     parts = [_part(run, radius) for run in runs]
-    notes = _about_commits(runs)
+    notes = about_commits(runs)
     if mix:
         parts, more = _mixed(parts)
         notes += more
@@ -125,15 +151,27 @@ def frozen(value: Any) -> str:
     return json.dumps(value, sort_keys=True, default=str)
 
 
-def _part(run: Run, radius: float) -> _Part:
+def seed_of(run: Run) -> int:
+    """The seed of its config. Raises DeepringError where that is no whole number."""
     seed = run.config.get("seed")
     if not isinstance(seed, int):
         raise DeepringError(
             f"{run.folder}: seed {seed!r} in its config; expected a whole number; "
             "leave this folder out"
         )
+    return seed
+
+
+def setting_of(run: Run) -> dict[str, Any]:
+    """Dotted keys to values of its config, without those that cannot change what is learnt."""
     flat = _BEFORE | flatten(run.config)
-    setting = {key: value for key, value in flat.items() if not _IRRELEVANT.fullmatch(key)}
+    if "evaluation.region" in flat:  # of before there could be several
+        flat["evaluation.regions"] = [flat.pop("evaluation.region")]
+    return {key: value for key, value in flat.items() if not _IRRELEVANT.fullmatch(key)}
+
+
+def _part(run: Run, radius: float) -> _Part:
+    seed, setting = seed_of(run), setting_of(run)
     # The other radii are counted besides, and change nothing.
     radii = setting.pop("evaluation.radii", None)
     if radii:
@@ -179,7 +217,7 @@ def _rows(parts: Iterable[_Part]) -> list[Row]:
         group = groups.setdefault(frozen(part.setting), {})
         other = group.setdefault(part.seed, part)
         # Two sweeps may share a row; on one machine it comes out the same to the last digit.
-        if _rates(other) != _rates(part):
+        if rates(other.result) != rates(part.result):
             raise DeepringError(
                 f"seed {part.seed} of one configuration twice, with other results: {other.folder} "
                 f"and {part.folder}; expected one run a seed; leave one of the two out of the "
@@ -194,16 +232,16 @@ def _rows(parts: Iterable[_Part]) -> list[Row]:
     ]
 
 
-def _rates(part: _Part) -> tuple[float, ...]:
-    result = part.result
+def rates(result: Result) -> tuple[float, ...]:
+    """What tells whether two results are the same one: the times are not among them."""
     return result.recall_1, result.recall_5, result.f1_max, result.auc
 
 
 def _refuse_mixture(parts: Sequence[_Part]) -> None:
     clash = (
-        _clash(parts, lambda part: part.protocol)
-        or _clash(parts, lambda part: part.roots, lambda part: part.seed)
-        or _clash(parts, lambda part: part.counted, lambda part: part.seed)
+        clash_of(parts, lambda part: part.protocol)
+        or clash_of(parts, lambda part: part.roots, lambda part: part.seed)
+        or clash_of(parts, lambda part: part.counted, lambda part: part.seed)
     )
     if clash:
         raise DeepringError(
@@ -218,23 +256,26 @@ def _mixed(parts: Sequence[_Part]) -> tuple[list[_Part], list[str]]:
     def alike(part: _Part) -> Hashable:
         return part.seed, frozen(part.protocol)
 
-    if _clash(parts, lambda part: part.roots, alike):
+    if clash_of(parts, lambda part: part.roots, alike):
         parts = [
             _Part(part.folder, part.seed, part.setting | part.roots, part.roots, part.result)
             for part in parts
         ]
-    clash = _clash(parts, lambda part: part.counted, alike)
+    clash = clash_of(parts, lambda part: part.counted, alike)
     notes = ["data and protocols are mixed: rows may not be comparable"]
     return list(parts), notes + ([f"counted differently: {clash}"] if clash else [])
 
 
-def _clash(
-    parts: Sequence[_Part],
-    values: Callable[[_Part], Mapping[str, Any]],
-    group: Callable[[_Part], Hashable] = lambda _: None,
+def clash_of(
+    parts: Iterable[_Origin],
+    values: Callable[[_Origin], Mapping[str, Any]],
+    group: Callable[[_Origin], Hashable] = lambda _: None,
 ) -> str | None:
-    """The first disagreement within a group, in words; None where all agree."""
-    first: dict[Hashable, _Part] = {}
+    """The first disagreement within a group, in words; None where all agree.
+
+    The seed is named with it, unless all parts are one group.
+    """
+    first: dict[Hashable, _Origin] = {}
     for part in parts:
         other = first.setdefault(group(part), part)
         before, now = values(other), values(part)
@@ -253,7 +294,8 @@ def _varied(settings: Collection[Mapping[str, Any]]) -> list[str]:
     return [key for key in keys if len({frozen(setting.get(key)) for setting in settings}) > 1]
 
 
-def _about_commits(runs: Iterable[Run]) -> list[str]:
+def about_commits(runs: Iterable[Run]) -> list[str]:
+    """A note where several versions of the code made them, else none."""
     counts = Counter(commit for run in runs for commit in set(run.commits) or {"unknown"})
     if len(counts) < 2:
         return []

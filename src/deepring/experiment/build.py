@@ -1,33 +1,41 @@
 """From config values to objects: the one place where things are made of a config."""
 
+import json
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import lightning as L
 import torch
 from hydra.errors import InstantiationException
-from hydra.utils import instantiate
+from hydra.utils import get_class, instantiate
 from lightning.pytorch.callbacks import Callback
 from lightning.pytorch.loggers import Logger
 from omegaconf import OmegaConf
+from torch import nn
 
 from deepring.core.ground import Preprocessing
 from deepring.core.radon import Turn
-from deepring.core.rasters import make_raster, raster_settings
+from deepring.core.rasters import Raster, make_raster, raster_settings
 from deepring.data.cache import RasterCache
 from deepring.data.datamodule import PlaceDataModule
-from deepring.data.dataset import PlaceDataset
+from deepring.data.dataset import DatasetConfig, PlaceDataset
 from deepring.data.episodes import EpisodeSettings
+from deepring.data.pool import Drawing
+from deepring.data.scan_batches import ScanBatchSettings
+from deepring.data.tuples import TupleSettings
 from deepring.errors import DeepringError
 from deepring.experiment.config import Config
 from deepring.methods.base import Method
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRingSettings
+from deepring.methods.network import NetworkMethod, PlainSettings, network_class
+from deepring.training.between_epochs import GrowingBatches, HardNegatives
 from deepring.training.epoch_lines import EpochLines
-from deepring.training.module import DeepRingModule
+from deepring.training.module import PlaceModule
+from deepring.training.tuple_losses import BatchHardTriplet, LazyQuadruplet, QuadrupletWithYaw
 
 log = logging.getLogger(__name__)
 
@@ -63,27 +71,78 @@ def _call(function: Callable[..., Any], what: str, *args: Any) -> Any:
         raise DeepringError(f"{what}: {error}") from error
 
 
-def test_dataset(cfg: Config) -> PlaceDataset:
-    """The dataset to test on."""
-    return PlaceDataset(cfg.data)
+class Datasets(NamedTuple):
+    """What is trained and tested on; one that is both is opened once."""
+
+    train: list[PlaceDataset]
+    test: list[PlaceDataset]
 
 
-def train_datasets(cfg: Config, test: PlaceDataset) -> list[PlaceDataset]:
-    """The datasets to train on: ``train_data``, or that of the test where it is empty."""
-    chosen = list(cfg.train_data.values())
-    if not chosen:
-        return [test]
-    names = [config.name for config in chosen]
-    if len(set(names)) < len(names):
+def datasets(cfg: Config) -> Datasets:
+    """``train_data`` and ``test_data``, or ``data`` where one of them is empty."""
+    opened: dict[str, PlaceDataset] = {}
+
+    def chosen(name: str, configs: dict[str, DatasetConfig]) -> list[PlaceDataset]:
+        picked = list(configs.values()) or [cfg.data]
+        names = [config.name for config in picked]
+        if len(set(names)) < len(names):
+            raise DeepringError(
+                f"{name}: {', '.join(names)} do not differ in name; set {name}.KEY.name"
+            )
+        keys = [json.dumps(plain(config), sort_keys=True, default=str) for config in picked]
+        return [
+            opened.setdefault(key, PlaceDataset(config))
+            for key, config in zip(keys, picked, strict=True)
+        ]
+
+    return Datasets(chosen("train_data", cfg.train_data), chosen("test_data", cfg.test_data))
+
+
+def learns(cfg: Config) -> bool:
+    """Whether the method is a network. Raises DeepringError where the config names none."""
+    if cfg.method is None:
+        raise DeepringError("method: null; name one, such as method=deepring")
+    target = cfg.method["_target_"]
+    return isinstance(found := get_class(target), type) and issubclass(found, NetworkMethod)
+
+
+def network_settings(cfg: Config) -> PlainSettings:
+    """What makes the network's descriptors. Raises DeepringError on values that do not fit."""
+    path = str(cfg.method["_target_"])
+    if path == DEEPRING:
+        return deepring_settings(cfg)
+    given = [name for name in DEEPRINGS_OWN if getattr(cfg, name) is not None]
+    if given:
         raise DeepringError(
-            f"train_data: {', '.join(names)} do not differ in name; set train_data.KEY.name"
+            f"{given[0]}: a group of DeepRING alone, of which {path.rpartition('.')[2]} takes "
+            f"nothing; leave {', '.join(given)} out, or take method=deepring"
         )
-    return [PlaceDataset(config) for config in chosen]
+    values = {key: v for key, v in plain(cfg.method).items() if key not in NOT_SETTINGS}
+    raster = {"preprocessing": plain(cfg.preprocessing), **values.pop("raster", {})}
+    values["raster"] = raster_settings(make_raster(raster))
+    return network_class(path).settings_class.from_dict(values)
+
+
+def network(cfg: Config) -> NetworkMethod:
+    """The network, untrained."""
+    settings = network_settings(cfg)
+    return network_class(str(cfg.method["_target_"]))(settings)
+
+
+#: DeepRING's class, and the groups that make its settings.
+DEEPRING = "deepring.methods.deepring.DeepRing"
+DEEPRINGS_OWN = ("representation", "encoder", "aggregation", "similarity")
+
+#: Keys of a method's node that its settings do not hold.
+NOT_SETTINGS = ("_target_", "note", "label")
 
 
 def deepring_settings(cfg: Config) -> DeepRingSettings:
-    """What makes the network's descriptors. Raises DeepringError on values that do not fit."""
-    r = cfg.representation
+    """DeepRING's, of its groups."""
+    r, e, a, s = cfg.representation, cfg.encoder, cfg.aggregation, cfg.similarity
+    if r is None or e is None or a is None or s is None:
+        missing = [name for name in DEEPRINGS_OWN if getattr(cfg, name) is None]
+        raise DeepringError(f"{missing[0]}: null, but DeepRING is made of it; choose one")
     values = {**plain(r.raster), "preprocessing": plain(cfg.preprocessing)}
     return DeepRingSettings(
         raster=raster_settings(make_raster(values)),
@@ -91,16 +150,17 @@ def deepring_settings(cfg: Config) -> DeepRingSettings:
         bins=r.bins,
         turn=cast("Turn", r.turn),  # checked by the representation
         pool=r.pool,
-        aggregation=cfg.aggregation.kind,
-        normalisation=cfg.similarity.normalisation,
-        similarity=cfg.similarity.kind,
-        **plain(cfg.encoder),
+        aggregation=a.kind,
+        normalisation=s.normalisation,
+        similarity=s.kind,
+        **plain(e),
     )
 
 
 def preprocessing_settings(cfg: Config) -> dict[str, Any]:
-    """The config's preprocessing, as a raster's settings state it."""
-    return asdict(Preprocessing(**plain(cfg.preprocessing)))
+    """The config's preprocessing, as the settings of a method state it."""
+    values = asdict(Preprocessing(**plain(cfg.preprocessing)))
+    return {**values, "height": list(values["height"])}
 
 
 def raster_cache(cfg: Config) -> RasterCache:
@@ -108,31 +168,55 @@ def raster_cache(cfg: Config) -> RasterCache:
     return RasterCache(Path(cfg.paths.cache))
 
 
-def datamodule(
-    cfg: Config, datasets: list[PlaceDataset], settings: DeepRingSettings
-) -> PlaceDataModule:
-    """Episodes and validation sets of the training datasets."""
+def drawing(cfg: Config) -> Drawing:
+    """How training batches are drawn."""
+    if (cfg.episode is None) == (cfg.drawing is None):
+        both = "neither is" if cfg.drawing is None else "both are"
+        raise DeepringError(
+            f"episode, drawing: {both} given; expected one, as the loss wants it: episode=paper, "
+            "drawing=tuples or drawing=scan_batches"
+        )
+    if cfg.drawing is not None:
+        return cast("Drawing", make(cfg.drawing, "drawing"))
+    return EpisodeSettings(**plain(cfg.episode))
+
+
+def datamodule(cfg: Config, datasets: list[PlaceDataset], raster: Raster) -> PlaceDataModule:
+    """Batches and validation sets of the training datasets."""
     return PlaceDataModule(
-        datasets,
-        make_raster(settings.raster),
-        EpisodeSettings(**plain(cfg.episode)),
-        raster_cache(cfg),
-        seed=cfg.seed,
-        workers=cfg.workers,
+        datasets, raster, drawing(cfg), raster_cache(cfg), seed=cfg.seed, workers=cfg.workers
     )
 
 
-def module(cfg: Config, datasets: list[PlaceDataset], settings: DeepRingSettings) -> DeepRingModule:
+def module(cfg: Config, datasets: list[PlaceDataset], network: NetworkMethod) -> PlaceModule:
     """The network under training."""
-    return DeepRingModule(
-        settings.to_dict(),
+    loss = make(cfg.loss, "loss")
+    expected = kind_of_batch(loss)
+    if not isinstance(drawn := drawing(cfg), expected):
+        raise DeepringError(
+            f"loss: {type(loss).__name__} is of {expected.__name__.removesuffix('Settings')} "
+            f"batches, but the config draws {type(drawn).__name__.removesuffix('Settings')}; "
+            "choose a loss and an episode or drawing that go together, as method=NAME does"
+        )
+    return PlaceModule(
+        network,
         validation=[dataset.name for dataset in datasets if dataset.has_validation],
-        loss=make(cfg.loss, "loss"),
+        loss=loss,
         optimizer=make_later(cfg.optimizer, "optimizer"),
         scheduler=None if cfg.scheduler is None else make_later(cfg.scheduler, "scheduler"),
         radius=cfg.evaluation.radii[0],
         trained_on="+".join(dataset.name for dataset in datasets),
     )
+
+
+def kind_of_batch(loss: nn.Module) -> type[Drawing]:
+    """The settings that draw what a loss is of."""
+    match loss:
+        case LazyQuadruplet() | QuadrupletWithYaw():
+            return TupleSettings
+        case BatchHardTriplet():
+            return ScanBatchSettings
+    return EpisodeSettings
 
 
 def trainer(
@@ -156,6 +240,7 @@ def trainer(
     callbacks = [make(node, f"callbacks.{name}") for name, node in nodes.items()]
     if "progress" not in nodes:
         callbacks.append(EpochLines())
+    callbacks += [HardNegatives(), GrowingBatches()]
     logger: Logger | bool = False if cfg.logger is None else make(cfg.logger, "logger")
     return make(
         cfg.trainer,
@@ -176,16 +261,17 @@ def device(cfg: Config) -> torch.device:
     return torch.device("cuda" if wanted and torch.cuda.is_available() else "cpu")
 
 
-def methods(cfg: Config, deepring: DeepRing | None) -> dict[str, Method]:
-    """The methods to evaluate: the trained network, where there is one, and the configured."""
-    chosen: dict[str, Method] = {} if deepring is None else {"DeepRING": deepring}
-    for name, node in cfg.methods.items():
-        if node is None:
-            continue
-        values = plain(node)
+def fixed_methods(cfg: Config) -> dict[str, Method]:
+    """The configured methods that learn nothing, by label: ``method`` and ``methods``."""
+    nodes = {f"methods.{name}": node for name, node in cfg.methods.items() if node is not None}
+    if cfg.method is not None and not learns(cfg):
+        nodes = {"method": cfg.method, **nodes}
+    chosen: dict[str, Method] = {}
+    for name, node in nodes.items():
+        values = {key: v for key, v in plain(node).items() if key != "note"}
         raster = values.pop("raster", None)
-        label = values.pop("label", name)
+        label = values.pop("label", name.rpartition(".")[2])
         # A partial first: instantiate would turn a raster given to it into a config.
-        method = make_later({**values, "_partial_": True}, f"methods.{name}")
+        method = make_later({**values, "_partial_": True}, name)
         chosen[label] = method() if raster is None else method(make_raster(raster))
     return chosen

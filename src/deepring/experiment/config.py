@@ -66,11 +66,13 @@ class SimilarityConfig:
 class EvaluationConfig:
     """Where, at which radii (metres; the first is the headline), and counted over what."""
 
-    region: str = "test"
+    regions: list[str] = field(default_factory=lambda: ["test"])
     radii: list[float] = field(default_factory=lambda: [10.0, 5.0, 15.0, 20.0, 25.0])
     #: 'answerable' queries, or 'all': a query without an answer then counts as missed.
     over: str = "answerable"
     figures: bool = True
+    #: Keep the descriptors, so that they can be scored again without scans or network.
+    descriptors: bool = False
 
 
 @dataclass
@@ -92,15 +94,21 @@ class Config:
     #: The last part of a sweep's folder name.
     sweep_name: str = "sweep"
     seed: int = 0
-    #: The dataset to test on, and to train on unless train_data names others.
+    #: The dataset to train and to test on, unless train_data and test_data name others.
     data: DatasetConfig = field(default_factory=DatasetConfig)
     train_data: dict[str, DatasetConfig] = field(default_factory=dict)
+    test_data: dict[str, DatasetConfig] = field(default_factory=dict)
     preprocessing: PreprocessingConfig = field(default_factory=PreprocessingConfig)
-    representation: RepresentationConfig = field(default_factory=RepresentationConfig)
-    encoder: EncoderConfig = field(default_factory=EncoderConfig)
-    aggregation: AggregationConfig = field(default_factory=AggregationConfig)
-    similarity: SimilarityConfig = field(default_factory=SimilarityConfig)
-    episode: EpisodeSettings = field(default_factory=EpisodeSettings)
+    #: The class of the method, and the settings of one other than DeepRING, which is made of the
+    #: four groups that follow; these are null for the others. Null takes what a checkpoint holds.
+    method: Any = None
+    representation: RepresentationConfig | None = None
+    encoder: EncoderConfig | None = None
+    aggregation: AggregationConfig | None = None
+    similarity: SimilarityConfig | None = None
+    #: How training batches are drawn: episodes, or what `drawing` makes.
+    episode: EpisodeSettings | None = None
+    drawing: Any = None
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
     paths: PathsConfig = field(default_factory=PathsConfig)
     # Built by hydra's instantiate, which checks their arguments.
@@ -110,14 +118,14 @@ class Config:
     trainer: Any = None
     callbacks: dict[str, Any] = field(default_factory=dict)
     logger: Any = None
-    #: Methods evaluated besides the trained network.
+    #: Methods evaluated besides.
     methods: dict[str, Any] = field(default_factory=dict)
     #: Processes that draw episodes.
     workers: int = 0
     #: Evaluate the best checkpoint at the end of training.
-    test: bool = True
-    #: Train although test scans are among the training scans.
-    allow_overlap: bool = False
+    evaluate: bool = True
+    #: Test regions that hold training scans: 'refuse', 'leave_out' or 'allow'.
+    overlap: str = "refuse"
     #: Resume training from this checkpoint.
     resume: str | None = None
     #: The trained network to evaluate; None evaluates the other methods alone.
@@ -126,6 +134,9 @@ class Config:
 
 #: Regions that a method can be evaluated on.
 EVALUATED = ("test", "whole", "validation")
+
+#: What to do about test regions that hold training scans.
+OVERLAP = ("refuse", "leave_out", "allow")
 
 
 def counted_over(cfg: Config) -> Over:
@@ -178,10 +189,13 @@ def _check_values(cfg: Config) -> None:
     for name in ("seed", "workers"):
         if getattr(cfg, name) < 0:
             raise DeepringError(f"{name}: {getattr(cfg, name)}, expected at least 0")
-    if cfg.evaluation.region not in EVALUATED:
+    regions = list(cfg.evaluation.regions)
+    if not regions or len(set(regions)) < len(regions) or not set(regions) <= set(EVALUATED):
         raise DeepringError(
-            f"evaluation.region: {cfg.evaluation.region!r}, expected one of {', '.join(EVALUATED)}"
+            f"evaluation.regions: {regions}, expected one or several of {', '.join(EVALUATED)}"
         )
+    if cfg.overlap not in OVERLAP:
+        raise DeepringError(f"overlap: {cfg.overlap!r}, expected one of {', '.join(OVERLAP)}")
     radii = list(cfg.evaluation.radii)
     if not radii or len(set(radii)) < len(radii) or not all(0 < r < math.inf for r in radii):
         raise DeepringError(

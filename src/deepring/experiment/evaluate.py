@@ -1,11 +1,13 @@
-"""Evaluate methods on a region of a dataset, through one and the same code."""
+"""Evaluate methods on regions of datasets, through one and the same code."""
 
 import logging
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.spatial import KDTree
 
 from deepring.core.rasters import Raster
@@ -15,67 +17,118 @@ from deepring.errors import DeepringError
 from deepring.evaluation.protocol import Outcome, Side, Task, evaluate_method
 from deepring.evaluation.results import Result, write_results
 from deepring.evaluation.retrieval import describe_all
+from deepring.evaluation.retrievals import write_retrievals
+from deepring.evaluation.scoring import FOLDER as DESCRIPTORS
 from deepring.evaluation.tables import markdown, markdown_radii
 from deepring.experiment import build
-from deepring.experiment.config import Config, counted_over
+from deepring.experiment.config import (
+    AggregationConfig,
+    Config,
+    EncoderConfig,
+    RepresentationConfig,
+    SimilarityConfig,
+    counted_over,
+)
 from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.pictures import evaluation_figures
 from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRing
+from deepring.methods.network import NetworkMethod, class_path
 from deepring.progress import progress_bar
-from deepring.training.module import load_deepring
+from deepring.training.module import load_network
 from deepring.viz.board import add_descriptors, write_board
 from deepring.viz.style import save
 
 log = logging.getLogger(__name__)
+
+Evaluated = list[tuple[Outcome, Task]]
+"""What the methods made of one split, and what each was shown."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
     """What is to be evaluated, checked: nothing is written before it stands."""
 
-    methods: dict[str, Method]
-    network: DeepRing | None
+    fixed: dict[str, Method]
+    """Methods that learn nothing, by label."""
+    network: NetworkMethod | None
     trained_on: str
-    split: RetrievalSet
+    splits: list[RetrievalSet]
+    """Where all are evaluated."""
+    left_out: set[tuple[str, str]]
+    """Names and regions of the splits that hold scans the network was trained on."""
+
+    def methods(self, split: RetrievalSet) -> dict[str, Method]:
+        """The methods to evaluate there, the network first."""
+        seen = (split.name, split.region) in self.left_out
+        network = {} if self.network is None or seen else {label(self.network): self.network}
+        return {**network, **self.fixed}
 
 
 def plan_evaluation(
     cfg: Config,
     checkpoint: Path | None = None,
-    dataset: PlaceDataset | None = None,
+    datasets: Sequence[PlaceDataset] | None = None,
     *,
     after: bool = False,
 ) -> Plan:
     """Build the methods and open the test data. Raises DeepringError on a user's mistake.
 
-    ``dataset`` is the one to test on, where it is open already; ``after`` says that a network is
-    yet to be trained, so that there may be none but it.
+    ``datasets`` are those to test on, where they are open already; ``after`` says that a network
+    is yet to be trained, so that there may be none but it.
     """
     network, trained_on = None, ""
     if checkpoint is not None:
-        network, trained_on, _ = load_deepring(checkpoint)
+        network, trained_on, _ = load_network(checkpoint)
+        _check_method(cfg, network, checkpoint)
         network.to(build.device(cfg))
         adopt_settings(cfg, network)
-    methods = build.methods(cfg, network)
-    if not methods and not after:
+    fixed = build.fixed_methods(cfg)
+    if not fixed and network is None and not after:
         raise DeepringError(
-            "methods: nothing to evaluate; give checkpoint=FILE or a method such as "
-            "+method@methods.ring=ring"
+            "methods: nothing to evaluate; give checkpoint=FILE or a method such as method=ring"
         )
-    dataset = build.test_dataset(cfg) if dataset is None else dataset
-    split = dataset.retrieval(cfg.evaluation.region)
-    if network is None and not after:
-        log.info("no checkpoint=FILE given: DeepRING is left out")
-    remembered = dataset.name in trained_on.split("+") and distance_to_training(dataset, split) == 0
-    if remembered:
+    datasets = build.datasets(cfg).test if datasets is None else datasets
+    splits = [d.retrieval(region) for d in datasets for region in regions_of(cfg, d)]
+    if network is None and not after and (cfg.method is None or build.learns(cfg)):
+        log.info("no checkpoint=FILE given: no trained network is evaluated")
+    if network is None:
+        return Plan(fixed, network, trained_on, splits, set())
+    known = {d.name: d for d in datasets if d.name in trained_on.split("+")}
+    seen = [s for s in splits if s.name in known and distance_to_training(known[s.name], s) == 0]
+    if seen and cfg.overlap != "leave_out":
         log.warning(
             "the network was trained on %s, and by this config the %s region holds training "
             "scans: its figures tell how well it remembers",
-            dataset.name,
-            split.region,
+            seen[0].name,
+            seen[0].region,
         )
-    return Plan(methods, network, trained_on, split)
+        seen = []
+    return Plan(fixed, network, trained_on, splits, {(s.name, s.region) for s in seen})
+
+
+def regions_of(cfg: Config, dataset: PlaceDataset) -> list[str]:
+    """The regions to test on; of a dataset that is all test region the whole stands for both."""
+    asked = list(cfg.evaluation.regions)
+    if dataset.config.regions.test is None and "whole" in asked:
+        return [region for region in asked if region != "test"]
+    return asked
+
+
+def label(network: NetworkMethod) -> str:
+    """The method's name in tables."""
+    return network.settings.label
+
+
+def _check_method(cfg: Config, network: NetworkMethod, checkpoint: Path) -> None:
+    """Refuse a checkpoint of another method than the one that is asked for."""
+    if cfg.method is None or cfg.method["_target_"] == class_path(network):
+        return
+    asked = str(cfg.method["_target_"])
+    raise DeepringError(
+        f"checkpoint: {checkpoint} holds a network of {label(network)} ({class_path(network)}), "
+        f"but method asks for {asked}; take a checkpoint of that method, or leave method= out"
+    )
 
 
 def distance_to_training(dataset: PlaceDataset, test: RetrievalSet) -> float:
@@ -91,7 +144,7 @@ def distance_to_training(dataset: PlaceDataset, test: RetrievalSet) -> float:
     return min(float(tested.query(scans.positions)[0].min()) for scans in training)
 
 
-def adopt_settings(cfg: Config, network: DeepRing) -> None:
+def adopt_settings(cfg: Config, network: NetworkMethod) -> None:
     """Set the config's model to the checkpoint's, so that what is recorded is what ran.
 
     Groups such as representation= choose what is trained; with a checkpoint they have no say.
@@ -100,9 +153,8 @@ def adopt_settings(cfg: Config, network: DeepRing) -> None:
     another one for the other methods, that is said.
     """
     settings = network.settings.to_dict()
-    if settings != build.deepring_settings(cfg).to_dict():
-        log.info("the network is as its checkpoint states: %s", settings)
-    own = settings["raster"].pop("preprocessing")
+    log.info("the network is as its checkpoint states: %s", settings)
+    own = settings["raster"]["preprocessing"]
     if own != build.preprocessing_settings(cfg):
         log.warning(
             "preprocessing: the network keeps that of its checkpoint, %s; the other methods "
@@ -110,52 +162,94 @@ def adopt_settings(cfg: Config, network: DeepRing) -> None:
             own,
             build.preprocessing_settings(cfg),
         )
-    cfg.representation.raster = settings["raster"]
-    for key in ("angles", "bins", "turn", "pool"):
-        setattr(cfg.representation, key, settings[key])
-    for key in ("widths", "convolutions", "norm", "tau_padding"):
-        setattr(cfg.encoder, key, settings[key])
-    cfg.aggregation.kind = settings["aggregation"]
-    cfg.similarity.kind = settings["similarity"]
-    cfg.similarity.normalisation = settings["normalisation"]
+    cfg.episode = cfg.drawing = None
+    if not isinstance(network, DeepRing):
+        cfg.method = {"_target_": class_path(network), **settings}
+        cfg.representation = cfg.encoder = cfg.aggregation = cfg.similarity = None
+        return
+    del settings["raster"]["preprocessing"]
+    cfg.method = {"_target_": build.DEEPRING}
+    cfg.representation = RepresentationConfig(
+        **{key: settings[key] for key in ("raster", "angles", "bins", "turn", "pool")}
+    )
+    cfg.encoder = EncoderConfig(
+        **{key: settings[key] for key in ("widths", "convolutions", "norm", "tau_padding")}
+    )
+    cfg.aggregation = AggregationConfig(settings["aggregation"])
+    cfg.similarity = SimilarityConfig(settings["similarity"], settings["normalisation"])
 
 
 def evaluate(cfg: Config, folder: Path, plan: Plan) -> list[Result]:
-    """Evaluate the planned methods; one row a radius.
+    """Evaluate the planned methods on each split; one row a radius.
 
-    Writes ``results.csv``, ``results.md``, pictures and TensorBoard events below ``folder``.
+    Writes ``results.csv``, ``results.md``, ``retrievals/``, pictures and TensorBoard events below
+    ``folder``.
     """
-    split, network = plan.split, plan.network
-    outcomes: list[tuple[Outcome, Task]] = []
-    tasks: dict[Raster, Task] = {}  # methods of one raster share its images
-    for name, method in plan.methods.items():
-        if method.raster not in tasks:
-            tasks[method.raster] = load_task(cfg, split, method.raster)
-        task = tasks[method.raster]
-        train = plan.trained_on if method is network else ""
-        log.info("%s: %d queries in %d places", name, len(task.query), len(task.database))
-        with progress_bar(f"{name}: describing and looking up") as bar:
-            outcome = evaluate_method(
-                name, method, task, cfg.evaluation.radii, train, build.device(cfg), bar
-            )
-        outcomes.append((outcome, task))
-
-    results = [row for outcome, _ in outcomes for row in outcome.results]
+    outcomes = {
+        (split.name, split.region): evaluate_split(cfg, folder, plan, split)
+        for split in plan.splits
+        if plan.methods(split)
+    }
+    results = [row for of in outcomes.values() for outcome, _ in of for row in outcome.results]
     write_results(folder / "results.csv", results)
     over = counted_over(cfg)
     tables = [markdown(results, cfg.evaluation.radii[0], over), markdown_radii(results, over)]
     (folder / "results.md").write_text("\n".join(tables))
+    _draw(cfg, folder, plan, outcomes)
+    return results
 
-    if network is not None:
-        network.cpu()
-    figures = evaluation_figures(outcomes, split, network, over) if cfg.evaluation.figures else {}
+
+def evaluate_split(cfg: Config, folder: Path, plan: Plan, split: RetrievalSet) -> Evaluated:
+    """What each method makes of one split, and what it was shown."""
+    evaluated: Evaluated = []
+    tasks: dict[Raster, Task] = {}  # methods of one raster share its images
+    for name, method in plan.methods(split).items():
+        if method.raster not in tasks:
+            tasks[method.raster] = load_task(cfg, split, method.raster)
+        task = tasks[method.raster]
+        train = plan.trained_on if method is plan.network else ""
+        where = f"{split.name} {split.region}"
+        log.info(
+            "%s, %s: %d queries in %d places", name, where, len(task.query), len(task.database)
+        )
+        export = folder / DESCRIPTORS if cfg.evaluation.descriptors else None
+        with progress_bar(f"{name}, {where}: describing and looking up") as bar:
+            outcome = evaluate_method(
+                name, method, task, cfg.evaluation.radii, train, build.device(cfg), bar, export
+            )
+        write_retrievals(
+            folder,
+            *(name, train, split.name, split.region),
+            outcome.retrieved,
+            task.query.scans.indices,
+            task.database.scans.indices,
+        )
+        evaluated.append((outcome, task))
+    return evaluated
+
+
+def _draw(
+    cfg: Config, folder: Path, plan: Plan, outcomes: dict[tuple[str, str], Evaluated]
+) -> None:
+    """Pictures, in a folder a split where there are several, and TensorBoard."""
+    if plan.network is not None:
+        plan.network.cpu()
+    figures: dict[str, Figure] = {}
+    for split in plan.splits:
+        of = outcomes.get((split.name, split.region))
+        if of is None or not cfg.evaluation.figures:
+            continue
+        prefix = f"{split.name}_{split.region}/" if len(outcomes) > 1 else ""
+        drawn = evaluation_figures(of, split, plan.network, counted_over(cfg))
+        figures |= {prefix + name: figure for name, figure in drawn.items()}
     for name, figure in figures.items():
         save(figure, folder / "figures" / f"{name}.png")
     board = folder / "tensorboard"
-    write_board(board, [outcome for outcome, _ in outcomes], figures, hyperparameters(cfg))
-    if network is not None:
-        add_database_embedding(board, network, outcomes[0][1])
-    return results
+    everything = [outcome for of in outcomes.values() for outcome, _ in of]
+    write_board(board, everything, figures, hyperparameters(cfg))
+    shown = next((task for of in outcomes.values() for o, task in of if o.results[0].train), None)
+    if plan.network is not None and shown is not None:
+        add_database_embedding(board, plan.network, shown)
 
 
 def load_task(cfg: Config, split: RetrievalSet, raster: Raster) -> Task:

@@ -11,29 +11,45 @@ def hyperparameters(cfg: Config) -> dict[str, Value]:
     """The tables' names for what sweeps vary, and the rest of the groups under ``more.``.
 
     The page sorts its columns by name and shows the first five: aggregation, data, encoder,
-    input and loss.
+    input and loss; for methods other than DeepRING data, loss, lr, method and seed.
     """
-    r, e = cfg.representation, cfg.encoder
-    loss = build.plain(cfg.loss) or {}
-    optimizer = build.plain(cfg.optimizer) or {}
-    raster, own_loss = str(r.raster["kind"]), str(loss.get("_target_")).rpartition(".")[2]
-    widths = "-".join(str(width) for width in e.widths)
+    loss, optimizer = build.plain(cfg.loss) or {}, build.plain(cfg.optimizer) or {}
+    own_loss = str(loss.get("_target_")).rpartition(".")[2]
+    method = build.plain(cfg.method) or {}
+    trained = [config.name for config in cfg.train_data.values()] or [cfg.data.name]
     short: dict[str, Value] = {
-        "aggregation": AGGREGATIONS.get(cfg.aggregation.kind, cfg.aggregation.kind),
-        "data": cfg.data.name,
-        "encoder": f"{widths} x{e.convolutions}",
-        "input": INPUTS.get(raster, raster),
+        "data": "+".join(trained),
         "loss": LOSSES.get(own_loss, own_loss),
         "lr": optimizer.get("lr", 0.0),
-        "queries": cfg.episode.queries,
+        "method": str(method.get("_target_")).rpartition(".")[2],
         "seed": cfg.seed,
-        "shots": cfg.episode.shots,
-        "similarity": cfg.similarity.kind,
-        "ways": cfg.episode.ways,
+        **_of_deepring(cfg),
     }
-    groups = ("representation", "encoder", "similarity", "loss", "episode", "optimizer")
+    groups = (
+        *("method", "representation", "encoder", "similarity", "loss", "episode", "drawing"),
+        "optimizer",
+    )
     rest = flattened({name: build.plain(getattr(cfg, name)) for name in groups})
     return short | {
         f"more.{key}": value if isinstance(value, Value) else str(value)
         for key, value in rest.items()
+        if value is not None
     }
+
+
+def _of_deepring(cfg: Config) -> dict[str, Value]:
+    """What makes a DeepRING; empty for other methods."""
+    r, e, a, s = cfg.representation, cfg.encoder, cfg.aggregation, cfg.similarity
+    if r is None or e is None or a is None or s is None:
+        return {}
+    raster = str(r.raster["kind"])
+    widths = "-".join(str(width) for width in e.widths)
+    own: dict[str, Value] = {
+        "aggregation": AGGREGATIONS.get(a.kind, a.kind),
+        "encoder": f"{widths} x{e.convolutions}",
+        "input": INPUTS.get(raster, raster),
+        "similarity": s.kind,
+    }
+    if cfg.episode is not None:
+        own |= {name: getattr(cfg.episode, name) for name in ("ways", "shots", "queries")}
+    return own

@@ -18,6 +18,7 @@ from deepring.evaluation.metrics import Over
 from deepring.evaluation.protocol import Outcome, Task
 from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRing
+from deepring.methods.network import NetworkMethod
 from deepring.methods.ring import Ring
 from deepring.viz.curves import precision_recall_figure, recall_radius_figure
 from deepring.viz.sinograms import sinogram_figure
@@ -28,7 +29,10 @@ TWIN_TURN = 100.0
 
 
 def evaluation_figures(
-    outcomes: list[tuple[Outcome, Task]], split: RetrievalSet, network: DeepRing | None, over: Over
+    outcomes: list[tuple[Outcome, Task]],
+    split: RetrievalSet,
+    network: NetworkMethod | None,
+    over: Over,
 ) -> dict[str, Figure]:
     """PR curves, recall against radius, a hit/miss map a method, and sample sinograms."""
     radius = outcomes[0][0].results[0].radius_m
@@ -51,15 +55,12 @@ def evaluation_figures(
             f"{outcome.method}: top-1 within {radius:g} m, {task.test} {task.region} region",
             (across, up),
         )
-    method: Method = network if network is not None and _sees_bev(network) else Ring()
+    sees_bev = network is not None and isinstance(network.raster, BevRaster)
+    method: Method = network if network is not None and sees_bev else Ring()
     readable = outcomes[0][1].query.scans
     for k in np.linspace(0, len(readable) - 1, 3).astype(int):
         figures[f"sinogram_{k:04d}"] = twin_figure(method, readable, int(k))
     return figures
-
-
-def _sees_bev(method: Method) -> bool:
-    return isinstance(method.raster, BevRaster)
 
 
 def twin_figure(method: Method, scans: ScanSet, k: int) -> Figure:

@@ -46,13 +46,15 @@ def find_runs(paths: Sequence[str | Path]) -> FoundRuns:
 
 
 def read_run(folder: str | Path) -> Run:
-    """The config, results and commits of a finished run.
+    """The config, results, commits and training time of a finished run.
 
     Raises DeepringError that names the file which is missing or cannot be read.
     """
     folder = Path(folder)
-    config = read_config(folder / "config.yaml")
-    return Run(str(folder), config, read_results(folder / "results.csv"), _commits(folder))
+    config, status = read_config(folder / "config.yaml"), read_status(folder)
+    results = read_results(folder / "results.csv")
+    seconds = None if status is None else status.seconds
+    return Run(str(folder), config, results, _commits(folder), seconds)
 
 
 def _statuses(paths: Sequence[Path]) -> Iterator[tuple[Path, Status]]:
@@ -90,7 +92,7 @@ def _unusable(folder: Path, status: Status) -> str | None:
     if status.state != "finished":
         return "unfinished: still running, or killed"
     if not (folder / "results.csv").is_file():
-        return "not evaluated (test=false): no results.csv"
+        return "not evaluated (evaluate=false): no results.csv"
     return None
 
 

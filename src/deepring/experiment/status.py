@@ -24,6 +24,8 @@ class Status:
     """Why it failed."""
     score: float | None = None
     """Validation Recall@1 of the checkpoint that was kept; None without validation."""
+    seconds: float | None = None
+    """Training time; None where nothing was trained."""
 
 
 def read_status(folder: Path) -> Status | None:
@@ -45,8 +47,12 @@ def read_status(folder: Path) -> Status | None:
 def _checked(status: Status) -> Status:
     if status.state not in get_args(State):
         raise ValueError(f"state {status.state!r}, expected one of {', '.join(get_args(State))}")
-    if not isinstance(status.error, str | None) or not isinstance(status.score, float | int | None):
-        raise TypeError(f"error {status.error!r}, score {status.score!r}; expected text, a number")
+    numbers = {"score": status.score, "seconds": status.seconds}
+    if not isinstance(status.error, str | None):
+        raise TypeError(f"error {status.error!r}; expected text")
+    for name, value in numbers.items():
+        if not isinstance(value, float | int | None):
+            raise TypeError(f"{name} {value!r}; expected a number")
     return status
 
 

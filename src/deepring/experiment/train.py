@@ -1,22 +1,30 @@
-"""Train DeepRING: the function one reads from top to bottom."""
+"""Train a method: the function one reads from top to bottom."""
 
 import logging
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import lightning as L
+from lightning.pytorch.callbacks import Timer
 
 from deepring.data.datamodule import PlaceDataModule
 from deepring.data.dataset import PlaceDataset, RetrievalSet
+from deepring.data.scan import Session
 from deepring.errors import DeepringError, StoppedError
 from deepring.evaluation.results import Result
 from deepring.experiment import build
 from deepring.experiment.config import Config
 from deepring.experiment.evaluate import distance_to_training, evaluate, plan_evaluation
-from deepring.experiment.run_folder import LinkLatest, is_first_process, open_run_folder
+from deepring.experiment.run_folder import (
+    LinkLatest,
+    is_first_process,
+    link_latest,
+    open_run_folder,
+)
 from deepring.experiment.status import Status, write_status
-from deepring.training.module import DeepRingModule, load_deepring
+from deepring.training.module import PlaceModule, load_network
 
 log = logging.getLogger(__name__)
 
@@ -26,53 +34,72 @@ class Trained:
     """What a training run leaves."""
 
     folder: Path
-    checkpoint: Path
+    checkpoint: Path | None
+    """None where the method learns nothing."""
     results: list[Result]
-    """Empty where ``test=false``."""
+    """Empty where ``evaluate=false``."""
     score: float | None
     """Validation Recall@1 of the checkpoint; None without validation."""
 
 
 def train(cfg: Config, folder: Path, *, latest: bool = True) -> Trained:
-    """Train on the training regions, choose by validation, evaluate on the test region.
+    """Train on the training regions, choose by validation, evaluate on the test regions.
 
-    Everything is written below ``folder``; ``latest`` beside it comes to point at it. Raises
-    DeepringError on a user's mistake.
+    Everything is written below ``folder``; ``latest`` beside it comes to point at it. A method
+    that learns nothing is evaluated. Raises DeepringError on a user's mistake.
     """
     L.seed_everything(cfg.seed, workers=True, verbose=False)
-    test = build.test_dataset(cfg)
-    datasets = build.train_datasets(cfg, test)
-    settings = build.deepring_settings(cfg)
+    if not build.learns(cfg):
+        return _evaluate_alone(cfg, folder, latest=latest)
+    datasets, tests = build.datasets(cfg)
+    network = build.network(cfg)
     # Whatever would fail after the training fails now, before anything is written.
-    if cfg.test:
-        check_overlap(cfg, datasets, plan_evaluation(cfg, dataset=test, after=True).split)
-    datamodule = build.datamodule(cfg, datasets, settings)
-    module = build.module(cfg, datasets, settings)
+    if cfg.evaluate:
+        splits = plan_evaluation(cfg, datasets=tests, after=True).splits
+        check_overlap(cfg, datasets, splits)
+    datamodule = build.datamodule(cfg, datasets, network.raster)
+    module = build.module(cfg, datasets, network)
     _check_resume(cfg, module)
     if is_first_process():
         open_run_folder(cfg, folder)
         write_status(folder, Status("running"))
-    link = [LinkLatest(folder)] if latest else []
-    trainer = build.trainer(cfg, folder, validated=bool(module.validation), further=link)
+    timer = Timer()
+    further = [timer, LinkLatest(folder)] if latest else [timer]
+    trainer = build.trainer(cfg, folder, validated=bool(module.validation), further=further)
 
     log.info(
-        "training %d parameters on %s",
+        "training %d parameters of %s on %s",
         sum(p.numel() for p in module.method.parameters()),
+        network.settings.label,
         " + ".join(dataset.name for dataset in datasets),
     )
     _fit(trainer, module, datamodule, cfg.resume, folder)
     checkpoint, score = _best_checkpoint(trainer, folder)
     results = []
-    if cfg.test and trainer.is_global_zero:
-        results = evaluate(cfg, folder, plan_evaluation(cfg, checkpoint, test))
+    if cfg.evaluate and trainer.is_global_zero:
+        results = evaluate(cfg, folder, plan_evaluation(cfg, checkpoint, tests))
     if trainer.is_global_zero:
-        write_status(folder, Status("finished", score=score))
+        seconds = timer.time_elapsed("train")
+        write_status(folder, Status("finished", score=score, seconds=seconds))
     return Trained(folder, checkpoint, results, score)
+
+
+def _evaluate_alone(cfg: Config, folder: Path, *, latest: bool) -> Trained:
+    """A method that learns nothing, in a run folder like the others'."""
+    log.info("%s learns nothing: it is evaluated", cfg.method.get("label", cfg.method["_target_"]))
+    plan = plan_evaluation(cfg)
+    open_run_folder(cfg, folder)
+    write_status(folder, Status("running"))
+    results = evaluate(cfg, folder, plan)
+    write_status(folder, Status("finished"))
+    if latest:
+        link_latest(folder)
+    return Trained(folder, None, results, None)
 
 
 def _fit(
     trainer: L.Trainer,
-    module: DeepRingModule,
+    module: PlaceModule,
     datamodule: PlaceDataModule,
     resume: str | None,
     folder: Path,
@@ -85,35 +112,54 @@ def _fit(
         raise StoppedError(_interrupted(folder)) from None
 
 
-def _check_resume(cfg: Config, module: DeepRingModule) -> None:
+def _check_resume(cfg: Config, module: PlaceModule) -> None:
     """Refuse to resume what is no checkpoint, or one of another network or loss."""
     if cfg.resume is None:
         return
-    method, _, loss = load_deepring(cfg.resume)
-    kept = {**method.settings.to_dict(), "loss": loss}
-    asked = {**module.method.settings.to_dict(), "loss": type(module.loss).__name__}
-    differing = [name for name in asked if asked[name] != kept[name]]
+    method, _, loss = load_network(cfg.resume)
+    kept = {"method": method.settings.label, **method.settings.to_dict(), "loss": loss}
+    own = module.method.settings
+    asked = {"method": own.label, **own.to_dict(), "loss": type(module.loss).__name__}
+    differing = [name for name in asked if asked[name] != kept.get(name)]
     if differing:
         raise DeepringError(
             f"resume: {cfg.resume} was trained with other {', '.join(differing)}: "
-            + "; ".join(f"{name} {kept[name]}, now {asked[name]}" for name in differing)
+            + "; ".join(f"{name} {kept.get(name)}, now {asked[name]}" for name in differing)
             + "; give the same overrides as the run that made it"
         )
 
 
-def check_overlap(cfg: Config, datasets: list[PlaceDataset], test: RetrievalSet) -> None:
+def check_overlap(
+    cfg: Config, datasets: Sequence[PlaceDataset], splits: Sequence[RetrievalSet]
+) -> None:
     """Refuse to train on scans that are tested on, and say how far apart the two lie."""
     for dataset in datasets:
-        if Path(dataset.config.root).resolve() != Path(cfg.data.root).resolve():
-            continue
-        apart = distance_to_training(dataset, test)
-        log.info("training scans keep %.0f m from the %s region's scans", apart, test.region)
-        if apart == 0 and not cfg.allow_overlap:
+        for split in splits:
+            if not same_files(dataset, split):
+                continue
+            apart = distance_to_training(dataset, split)
+            where = f"{split.name} {split.region}"
+            log.info("training scans keep %.0f m from those of %s", apart, where)
+            if apart > 0 or cfg.overlap == "allow":
+                continue
+            if cfg.overlap == "leave_out":
+                log.info("%s holds training scans: it is left out", where)
+                continue
             raise DeepringError(
                 f"data.regions: scans of {dataset.name} are in the training and in the "
-                f"{test.region} region, and recall would be measured on what was trained on; "
-                "separate data.regions.train and data.regions.test, or say allow_overlap=true"
+                f"{split.region} region, and recall would be measured on what was trained on; "
+                "separate data.regions.train and data.regions.test, or say overlap=allow"
             )
+
+
+def same_files(dataset: PlaceDataset, split: RetrievalSet) -> bool:
+    """Whether a session of the split is one of the dataset's."""
+
+    def folders(*sessions: Session) -> set[Path]:
+        return {session.files[0].parent.resolve() for session in sessions}
+
+    trained = folders(dataset.database, dataset.query)
+    return bool(trained & folders(split.database.session, split.query.session))
 
 
 def _interrupted(folder: Path) -> str:

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 from torch import Tensor
 
@@ -18,7 +18,7 @@ from deepring.core.rasters import BevRaster, raster_settings
 from deepring.core.similarity import cosine, negative_distance
 from deepring.errors import DeepringError
 from deepring.methods.base import Comparison
-from deepring.methods.network import NetworkMethod
+from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.nn.aggregation import AGGREGATIONS, ROTATION_INVARIANT, channels_for
 from deepring.nn.circular import TauPadding
 from deepring.nn.representation import make_representation
@@ -41,8 +41,10 @@ _PERIOD = {"full": 2 * math.pi, "half": math.pi}
 
 
 @dataclass(frozen=True)
-class DeepRingSettings:
+class DeepRingSettings(PlainSettings):
     """Everything that makes a descriptor but the weights. Plain values, kept in checkpoints."""
+
+    label: ClassVar[str] = "DeepRING"
 
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(BevRaster()))
     angles: int | None = 120  # of the sinogram; None for the other rasters
@@ -57,21 +59,6 @@ class DeepRingSettings:
     normalisation: str = "unit"
     similarity: str = "correlation"
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "widths", tuple(self.widths))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain dict of lists and numbers, as `from_dict` takes it."""
-        return {**asdict(self), "widths": list(self.widths)}
-
-    @staticmethod
-    def from_dict(values: dict[str, Any]) -> "DeepRingSettings":
-        """Raises DeepringError where the values do not make settings."""
-        try:
-            return DeepRingSettings(**values)
-        except TypeError as error:
-            raise DeepringError(f"DeepRING settings: {error}") from None
-
 
 class DeepRing(NetworkMethod):
     """The network of the paper's Fig. 1. Rasters in, roto-translation invariant descriptors out.
@@ -80,10 +67,12 @@ class DeepRing(NetworkMethod):
     -> aggregated, M_f (b, θ, ω) -> normalised.
     """
 
+    settings_class = DeepRingSettings
+    settings: DeepRingSettings
+
     def __init__(self, settings: DeepRingSettings | None = None) -> None:
         settings = DeepRingSettings() if settings is None else settings
-        super().__init__("DeepRING", settings.raster)
-        self.settings = settings
+        super().__init__(settings)
         _expect("similarity.normalisation", settings.normalisation, NORMALISATIONS)
         _expect("aggregation.kind", settings.aggregation, AGGREGATIONS)
         _expect("similarity.kind", settings.similarity, SIMILARITIES)
@@ -126,10 +115,6 @@ class DeepRing(NetworkMethod):
         match = circular_cross_correlation(queries, database)
         period = _PERIOD[self.settings.turn]
         return Comparison(match.score, shift_to_yaw(match.shift, queries.shape[-2], period))
-
-    def score(self, queries: Tensor, database: Tensor) -> Tensor:
-        """The scores of `compare`, (q, d)."""
-        return self.compare(queries, database).score
 
 
 def _expect(name: str, value: str, choices: Collection[str]) -> None:

@@ -43,9 +43,12 @@ class Disco(NetworkMethod):
     stride, with the published zero padding only as far as training brings it.
     """
 
+    settings_class = DiscoSettings
+    settings: DiscoSettings
+
     def __init__(self, settings: DiscoSettings | None = None) -> None:
         settings = DiscoSettings() if settings is None else settings
-        super().__init__(settings.label, settings.raster, HeightRaster)
+        super().__init__(settings, HeightRaster)
         heights, sectors, rings = self.raster.shape
         if not 1 <= settings.size <= min(sectors, rings):
             raise DeepringError(
@@ -56,7 +59,6 @@ class Disco(NetworkMethod):
             raise DeepringError(
                 f"disco.aligned: {settings.aligned}, expected null or at least 1 entry"
             )
-        self.settings = settings
         self.encoder = DiscoUNet(heights, settings.widths, settings.padding)
 
     def forward(self, rasters: Tensor) -> Tensor:
@@ -66,6 +68,10 @@ class Disco(NetworkMethod):
     def signature(self, descriptors: Tensor) -> Tensor:
         """The rotation invariant part of the descriptors, (b, size²): what L2 compares."""
         return central_magnitude(descriptors, self.settings.size)
+
+    def vectors(self, descriptors: Tensor) -> Tensor:
+        """The signatures."""
+        return self.signature(descriptors)
 
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
         """Negative Euclidean distance of signatures, and the yaw by phase correlation.

@@ -33,12 +33,14 @@ class EgoNnGlobal(NetworkMethod):
     MinkowskiEngine's. The descriptor is not normalised, as in the original.
     """
 
+    settings_class = EgoNnSettings
+    settings: EgoNnSettings
+
     def __init__(self, settings: EgoNnSettings | None = None) -> None:
         settings = EgoNnSettings() if settings is None else settings
-        super().__init__(settings.label, settings.raster, VoxelRaster)
+        super().__init__(settings, VoxelRaster)
         raster = self.raster
         assert isinstance(raster, VoxelRaster)
-        self.settings = settings
         self.network = EgoNN(
             steps=(raster.degrees, raster.ring, raster.height),
             widths=settings.widths,

@@ -1,5 +1,6 @@
 """What learned methods share: settings that travel in checkpoints, descriptions of scans."""
 
+import importlib
 from dataclasses import fields
 from typing import Any, ClassVar, Self
 
@@ -8,7 +9,7 @@ from torch import Tensor, nn
 
 from deepring.core.rasters import Raster, make_raster
 from deepring.errors import DeepringError
-from deepring.methods.base import expect_raster
+from deepring.methods.base import Comparison, expect_raster
 
 
 class PlainSettings:
@@ -51,26 +52,39 @@ def _plain(value: Any) -> Any:
 class NetworkMethod(nn.Module):
     """A method that is a network: rasters (b, *raster.shape) in, descriptors out.
 
-    Subclasses define ``forward`` and ``compare``; see `deepring.methods.base.Method`.
+    Subclasses name their settings' class, are made of such settings, and define ``forward`` and
+    ``compare``; see `deepring.methods.base.Method`.
 
     Args:
-        label: the method's name, for messages.
-        raster: settings of the raster it takes.
+        settings: everything that makes a descriptor but the weights.
         kind: of the raster; another raises DeepringError. None takes any.
     """
 
-    def __init__(
-        self, label: str, raster: dict[str, Any], kind: type[Raster] | None = None
-    ) -> None:
+    settings_class: ClassVar[type[PlainSettings]]
+
+    def __init__(self, settings: PlainSettings, kind: type[Raster] | None = None) -> None:
         super().__init__()
-        self._raster = make_raster(raster)
+        self.settings = settings
+        self._raster = make_raster(settings.raster)
         if kind is not None:
-            expect_raster(label, self._raster, kind)
+            expect_raster(settings.label, self._raster, kind)
 
     @property
     def raster(self) -> Raster:
         """The array of a scan that the network takes."""
         return self._raster
+
+    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+        """Compare descriptors (q, ...) with descriptors (d, ...)."""
+        raise NotImplementedError
+
+    def score(self, queries: Tensor, database: Tensor) -> Tensor:
+        """The scores of `compare` alone, (q, d)."""
+        return self.compare(queries, database).score
+
+    def vectors(self, descriptors: Tensor) -> Tensor:
+        """What losses of distances compare: (b, ...) -> (b, d); the descriptors themselves."""
+        return descriptors.flatten(1)
 
     @torch.no_grad()
     def describe(self, rasters: Tensor) -> Tensor:
@@ -81,3 +95,23 @@ class NetworkMethod(nn.Module):
             return self(rasters.to(next(self.parameters()).device))
         finally:
             self.train(training)
+
+
+def class_path(method: NetworkMethod) -> str:
+    """Where the method's class is found again: what a checkpoint and a config name it by."""
+    return f"{type(method).__module__}.{type(method).__qualname__}"
+
+
+def network_class(path: str) -> type[NetworkMethod]:
+    """The class at a dotted path. Raises DeepringError where there is no `NetworkMethod`."""
+    module, _, name = path.rpartition(".")
+    try:
+        found = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise DeepringError(
+            f"method: {path!r} cannot be imported ({error}); expected the class of a method, such "
+            "as deepring.methods.deepring.DeepRing"
+        ) from None
+    if not (isinstance(found, type) and issubclass(found, NetworkMethod)):
+        raise DeepringError(f"method: {path!r} is no NetworkMethod; expected one that is trained")
+    return found

@@ -40,10 +40,12 @@ class PointNetVlad(NetworkMethod):
     what training teaches the T-Nets.
     """
 
+    settings_class = PointNetVladSettings
+    settings: PointNetVladSettings
+
     def __init__(self, settings: PointNetVladSettings | None = None) -> None:
         settings = PointNetVladSettings() if settings is None else settings
-        super().__init__(settings.label, settings.raster, PointsRaster)
-        self.settings = settings
+        super().__init__(settings, PointsRaster)
         self.features = PointFeatures(
             settings.first, settings.second, settings.transform_widths, settings.transform_hidden
         )

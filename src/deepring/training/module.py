@@ -1,4 +1,4 @@
-"""The LightningModule: an episode in, cross-entropy out; retrieval in validation."""
+"""The LightningModule: a batch in, a loss out; retrieval in validation."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -10,24 +10,24 @@ from torch import Tensor, nn
 from torchmetrics import Metric
 
 from deepring.data.datamodule import RetrievalBatch
-from deepring.data.episodes import Episode
 from deepring.errors import DeepringError
 from deepring.evaluation.metrics import PlaceAUC, RecallAtK
 from deepring.evaluation.retrieval import describe_all
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.network import NetworkMethod, class_path, network_class
 from deepring.training.losses import OneShotCrossEntropy
+from deepring.training.steps import take_step
 
 MakeOptimizer = Callable[[Iterable[nn.Parameter]], torch.optim.Optimizer]
 MakeScheduler = Callable[[torch.optim.Optimizer], torch.optim.lr_scheduler.LRScheduler]
 
 
-class DeepRingModule(L.LightningModule):
-    """DeepRING under training.
+class PlaceModule(L.LightningModule):
+    """A method under training.
 
     Args:
-        settings: a `DeepRingSettings` as a plain dict; with the weights it is the checkpoint.
+        method: the network; its class and settings, with the weights, are the checkpoint.
         validation: names of the validation sets, in the order of their loaders.
-        loss: of an episode's descriptors, such as those in `deepring.training.losses`; the
+        loss: of what the method's batches are, such as those in `deepring.training.losses`; the
             paper's cross-entropy by default.
         optimizer: makes the optimizer of the parameters.
         scheduler: makes its schedule, stepped once an epoch; None keeps the rate.
@@ -37,40 +37,39 @@ class DeepRingModule(L.LightningModule):
 
     def __init__(
         self,
-        settings: dict[str, Any],
+        method: NetworkMethod,
         validation: list[str] | None = None,
         loss: nn.Module | None = None,
         optimizer: MakeOptimizer | None = None,
         scheduler: MakeScheduler | None = None,
         radius: float = 10.0,
-        trained_on: str = "",  # noqa: ARG002 - kept by save_hyperparameters
+        trained_on: str = "",
     ) -> None:
         super().__init__()
-        # Plain values only: a checkpoint must load with weights_only=True.
-        self.save_hyperparameters("settings", "trained_on", logger=False)
-        self.method = DeepRing(DeepRingSettings.from_dict(settings))
+        self.method = method
         self.loss = OneShotCrossEntropy() if loss is None else loss
-        self.hparams["loss"] = type(self.loss).__name__
+        kept = {
+            "method": class_path(method),
+            "settings": method.settings.to_dict(),
+            "trained_on": trained_on,
+            "loss": type(self.loss).__name__,
+        }
+        # Plain values only: a checkpoint must load with weights_only=True.
+        self.save_hyperparameters(kept, logger=False)
         self.make_optimizer, self.make_scheduler = optimizer, scheduler
         self.validation = validation or []
         self.recalls = nn.ModuleList(RecallAtK(1, radius) for _ in self.validation)
         self.aucs = nn.ModuleList(PlaceAUC(radius) for _ in self.validation)
 
-    def training_step(self, episode: Episode, _: int) -> Tensor:
-        """Compare each query of the episode with its ways."""
-        ways, shots = episode.support.shape[:2]
-        queries = episode.query.shape[1]
-        rasters = torch.cat([episode.support.flatten(0, 1), episode.query.flatten(0, 1)])
-        descriptors = self.method(rasters)
-        support, query = descriptors[: ways * shots], descriptors[ways * shots :]
-        targets = torch.arange(ways, device=query.device).repeat_interleave(queries)
-        value = self.loss(query, support.unflatten(0, (ways, shots)), targets, self.method.score)
-        accuracy = (value.scores.argmax(dim=-1) == targets).float().mean()
-        self.log("train/loss", value.loss, prog_bar=True)
-        self.log("train/accuracy", accuracy, prog_bar=True)
-        if isinstance(self.loss, OneShotCrossEntropy):
-            self.log("train/W", self.loss.classifier.weight.detach())
-        return value.loss
+    def training_step(self, batch: Any, _: int) -> Tensor:
+        """The loss of a batch; see `deepring.training.steps`."""
+        step = take_step(self.method, self.loss, batch)
+        # A batch counts as one, whatever it holds.
+        self.log("train/loss", step.loss, prog_bar=True, batch_size=1)
+        self.log("train/accuracy", step.accuracy, prog_bar=True, batch_size=1)
+        for name, value in step.parts.items():
+            self.log(f"train/{name}", value, on_step=False, on_epoch=True, batch_size=1)
+        return step.loss
 
     def validation_step(self, batch: RetrievalBatch, _: int, dataloader_idx: int = 0) -> None:
         """Look the validation queries up in the validation database."""
@@ -103,7 +102,7 @@ class DeepRingModule(L.LightningModule):
 class TrainedNetwork(NamedTuple):
     """What a checkpoint holds."""
 
-    method: DeepRing
+    method: NetworkMethod
     """In evaluation mode, with the preprocessing it was trained with."""
     trained_on: str
     """Names of the training datasets, joined by '+'."""
@@ -111,10 +110,10 @@ class TrainedNetwork(NamedTuple):
     """Class name of the loss."""
 
 
-def load_deepring(checkpoint: Path | str) -> TrainedNetwork:
+def load_network(checkpoint: Path | str) -> TrainedNetwork:
     """The network of a checkpoint, on the CPU.
 
-    Raises DeepringError where the file is missing or holds no DeepRING checkpoint.
+    Raises DeepringError where the file is missing or holds no checkpoint of a method.
     """
     path = Path(checkpoint)
     if not path.is_file():
@@ -130,13 +129,14 @@ def load_deepring(checkpoint: Path | str) -> TrainedNetwork:
             for name, value in state["state_dict"].items()
             if name.startswith("method.")
         }
-        method = DeepRing(DeepRingSettings.from_dict(kept["settings"]))
+        kind = network_class(kept["method"])
+        method = kind(kind.settings_class.from_dict(kept["settings"]))
         method.load_state_dict(weights)
     except DeepringError:
         raise
     except Exception as error:  # torch.load raises many kinds for a damaged file
         raise DeepringError(
-            f"checkpoint: {path} is no whole DeepRING checkpoint of this version "
+            f"checkpoint: {path} is no whole checkpoint of this version "
             f"({type(error).__name__}); take another, or delete it to train anew"
         ) from error
     return TrainedNetwork(method.eval(), str(kept["trained_on"]), str(kept["loss"]))

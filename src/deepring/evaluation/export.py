@@ -1,0 +1,55 @@
+"""Writing what an evaluation has described: the two descriptor files of a method on a test."""
+
+from pathlib import Path
+from typing import get_args
+
+from deepring.data.cache import ScanSet
+from deepring.evaluation.described import Described
+from deepring.evaluation.descriptors import (
+    Descriptors,
+    Labels,
+    SideName,
+    free_path,
+    write_descriptors,
+)
+from deepring.evaluation.fingerprint import fingerprint
+from deepring.methods.base import Method
+
+
+class Export:
+    """Both sides in the making; what would fail after the work fails before it.
+
+    Raises DeepringError for a method whose `fingerprint` cannot be taken, and where a file of the
+    name holds something else.
+    """
+
+    def __init__(self, folder: Path, labels: Labels, method: Method) -> None:
+        self.labels = labels
+        self.made_by = fingerprint(method)
+        self.paths = {side: free_path(folder, labels, side) for side in get_args(SideName)}
+        self.sides: list[Descriptors] = []
+
+    def add(self, side: SideName, scans: ScanSet, described: Described, per_scan: float) -> None:
+        """Take a side; ``per_scan`` is the seconds from points to descriptor.
+
+        Raises DeepringError for descriptors that a file cannot hold.
+        """
+        self.sides.append(
+            Descriptors(
+                descriptors=described.descriptors[:].detach().cpu().numpy(),
+                positions=described.positions,
+                indices=scans.indices,
+                yaws=scans.yaws,
+                **vars(self.labels),
+                side=side,
+                session=scans.session.name,
+                made_by=self.made_by,
+                ground_z=float(scans.ground_z),
+                seconds_per_scan=per_scan,
+            )
+        )
+
+    def write(self) -> None:
+        """Write the sides that were taken. Raises DeepringError where that cannot be."""
+        for side in self.sides:
+            write_descriptors(self.paths[side.side], side)

@@ -1,0 +1,116 @@
+"""What makes a method's descriptors, as plain values that two files can be compared by."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from deepring.core.rasters import RASTERS, raster_settings
+from deepring.data.cache import RASTER_VERSION
+from deepring.errors import DeepringError
+from deepring.methods.base import Method
+
+
+def fingerprint(method: Method) -> dict[str, Any]:
+    """Everything that makes a method's descriptors, as plain values.
+
+    The path of its class, the settings of its raster, and: of a network its ``settings`` and a
+    SHA-256 over its weights, of another method its public attributes, arrays as their SHA-256.
+    What a name with an underscore in front holds does not count. A network on the device 'meta'
+    has no weights, and its fingerprint none either.
+
+    Raises:
+        DeepringError: a raster that is none of ours, a network without settings, or an attribute
+            that is no plain value.
+    """
+    name = f"{type(method).__module__}.{type(method).__qualname__}"
+    raster = method.raster
+    if type(raster) not in RASTERS.values():
+        raise DeepringError(
+            f"{name}: raster {type(raster).__name__}, expected one of {', '.join(RASTERS)}; "
+            "descriptors of other rasters cannot be exported"
+        )
+    made_by = {
+        "class": name,
+        "raster": raster_settings(raster),
+        "raster_version": RASTER_VERSION,
+    }
+    if not isinstance(method, nn.Module):
+        public = {k: v for k, v in vars(method).items() if k != "raster" and not k.startswith("_")}
+        made_by["values"] = {k: _plain(f"{name}.{k}", v) for k, v in sorted(public.items())}
+        return as_read_back(made_by)
+    settings: Any = getattr(method, "settings", None)
+    if not hasattr(settings, "to_dict"):
+        raise DeepringError(
+            f"{name}: settings {settings!r}, expected PlainSettings, as every NetworkMethod has; "
+            "descriptors of other networks cannot be exported"
+        )
+    made_by["settings"] = settings.to_dict()
+    weights = {k: v for k, v in method.state_dict().items() if isinstance(v, Tensor)}
+    if not any(weight.is_meta for weight in weights.values()):
+        made_by["weights"] = digest_of(weights)
+    return as_read_back(made_by)
+
+
+def first_difference(ours: Any, theirs: Any, key: str = "") -> tuple[str, Any, Any] | None:
+    """The first dotted key at which two fingerprints differ, and both values; None if equal.
+
+    A key that one of them lacks has the value None there.
+    """
+    if not (isinstance(ours, dict) and isinstance(theirs, dict)):
+        return None if ours == theirs else (key, ours, theirs)
+    for name in dict.fromkeys([*ours, *theirs]):
+        inner = f"{key}.{name}" if key else name
+        found = first_difference(ours.get(name), theirs.get(name), inner)
+        if found is not None:
+            return found
+    return None
+
+
+def digest_of(arrays: Mapping[str, Tensor | NDArray[Any]]) -> str:
+    """SHA-256 over names, types, shapes and bytes, in the order of the names."""
+    digest = hashlib.sha256()
+    for name, array in sorted(arrays.items()):
+        kind = str(array.dtype).removeprefix("torch.")
+        digest.update(json.dumps([name, kind, list(array.shape)]).encode())
+        digest.update(_raw(array).data)
+    return digest.hexdigest()
+
+
+def _raw(array: Tensor | NDArray[Any]) -> NDArray[np.uint8]:
+    """The bytes of an array or of a tensor on any device."""
+    if isinstance(array, Tensor):
+        return array.detach().cpu().reshape(-1).view(torch.uint8).numpy()
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+
+
+def as_read_back(values: dict[str, Any]) -> dict[str, Any]:
+    """As they are read back: sequences become lists. Raises DeepringError on other values."""
+    try:
+        plain = json.loads(json.dumps(values))
+    except (TypeError, ValueError) as error:
+        raise DeepringError(f"made_by: {error}; expected plain values") from None
+    if not isinstance(plain, dict):
+        raise DeepringError(f"made_by {plain!r}: expected a dict, as fingerprint() gives")
+    return plain
+
+
+def _plain(where: str, value: Any) -> Any:
+    """The value, where JSON can hold it; an array's hash. Raises DeepringError on others."""
+    if isinstance(value, dict) and all(isinstance(key, str) for key in value):
+        return {key: _plain(f"{where}.{key}", item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(where, item) for item in value]
+    if isinstance(value, Tensor) or (isinstance(value, np.ndarray) and value.dtype != object):
+        return {"sha256": digest_of({"": value})}
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise DeepringError(
+        f"{where}: a {type(value).__name__}, expected a plain value that says what made the "
+        "descriptors; where it has no say, name it with an underscore in front"
+    )

@@ -1,0 +1,121 @@
+"""`deepring score` on exported descriptors: what is printed, what is written, what is refused."""
+
+import pytest
+from drives import road_task
+
+from deepring.cli.main import COMMANDS, USAGE, main
+from deepring.cli.report import mistakes_reported
+from deepring.cli.score import score_command
+from deepring.core.rasters import BevRaster, ContextRaster
+from deepring.errors import DeepringError
+from deepring.evaluation.protocol import evaluate_method
+from deepring.evaluation.results import read_results
+from deepring.methods.ring import Ring
+from deepring.methods.scan_context import ScanContext
+
+METHODS = {
+    "RING": Ring(BevRaster(cells=24), angles=24, bins=24),
+    "Scan Context": ScanContext(ContextRaster(sectors=24, rings=8)),
+}
+RADII = (5.0, 12.0)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A run's folder, and the rows that its evaluation gave."""
+    folder = tmp_path_factory.mktemp("run")
+    rows = []
+    for label, method in METHODS.items():
+        task = road_task(method.raster)
+        evaluate_method(label, method, task, export=folder / "descriptors")
+        rows += evaluate_method(label, method, task, RADII).results
+    return folder, rows
+
+
+def without_seconds(rows):
+    return [{k: v for k, v in vars(r).items() if not k.startswith("seconds")} for r in rows]
+
+
+def shown(out):
+    return [line.split() for line in out.splitlines()]
+
+
+def test_the_figures_are_those_of_an_evaluation_at_these_radii(run, tmp_path, capsys):
+    folder, rows = run
+    path = tmp_path / "new" / "results.csv"
+    score_command([str(folder), "--radii", "5,12", "-o", str(path)])
+    out = capsys.readouterr().out
+    assert "right within 5 m, recall over answerable queries" in out
+    assert "Recall@1 over answerable queries" in out
+    assert f"results      {path}" in out
+    written = read_results(path)
+    assert without_seconds(written) == without_seconds(rows)
+    assert all(row.seconds_per_scan > 0 < row.seconds_per_query for row in written)
+    ring = next(line for line in shown(out) if line[:1] == ["RING"])
+    best = rows[0]
+    assert ring[1:5] == ["-", f"{best.answerable}/70", *rates(best)]
+
+
+def rates(row):
+    return [f"{row.recall_1:.3f}", f"{row.recall_5:.3f}"]
+
+
+def test_by_default_nothing_is_written_and_the_protocol_s_radii_are_shown(run, capsys):
+    folder, _ = run
+    before = sorted(folder.rglob("*"))
+    score_command([str(folder / "descriptors")])
+    out = capsys.readouterr().out
+    assert "right within 10 m" in out
+    assert header(out)[-10:] == ["5", "m", "10", "m", "15", "m", "20", "m", "25", "m"]
+    assert sorted(folder.rglob("*")) == before
+
+
+def header(out):
+    return next(line for line in shown(out) if "25" in line)
+
+
+def test_one_radius_over_all_queries_is_one_table(run, capsys):
+    folder, _ = run
+    score_command([str(folder), "--radii", "5", "--over", "all"])
+    out = capsys.readouterr().out
+    assert "recall over all queries" in out
+    assert "Recall@1 over" not in out
+
+
+def test_an_existing_file_is_not_overwritten(run, tmp_path):
+    path = tmp_path / "results.csv"
+    path.write_text("precious")
+    with pytest.raises(DeepringError, match=r"results\.csv: exists, expected a new file"):
+        score_command([str(run[0]), "-o", str(path)])
+    assert path.read_text() == "precious"
+
+
+@pytest.mark.parametrize("radii", ["", "ten", "10,", "10,10", "0", "-5", "nan", "inf"])
+def test_radii_that_are_none_are_refused(run, radii):
+    with pytest.raises(DeepringError, match=r"--radii '.*': expected different lengths in metres"):
+        score_command([str(run[0]), f"--radii={radii}"])
+
+
+def test_an_altered_byte_is_refused(run, tmp_path, capsys):
+    for path in (run[0] / "descriptors").iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    broken = tmp_path / "RING__road__test__database.safetensors"
+    broken.write_bytes(broken.read_bytes()[:-1] + b"\x7f")
+    with pytest.raises(SystemExit) as ended:
+        mistakes_reported(score_command)([str(tmp_path), "-o", str(tmp_path / "results.csv")])
+    assert ended.value.code == 2
+    said = capsys.readouterr()
+    assert f"error: descriptors {broken}: checksum" in said.err
+    assert not said.out
+    assert not (tmp_path / "results.csv").exists()
+
+
+def test_the_command_is_known(run, tmp_path, capsys):
+    assert "score" in COMMANDS
+    assert "deepring score FOLDER" in USAGE
+    main(["score", str(run[0]), "--radii", "10"])
+    assert "right within 10 m" in capsys.readouterr().out
+    with pytest.raises(SystemExit) as ended:
+        main(["score", str(tmp_path / "absent")])
+    assert ended.value.code == 2
+    assert "absent: no such folder" in capsys.readouterr().err

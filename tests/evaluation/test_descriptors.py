@@ -1,0 +1,291 @@
+"""Descriptors survive the file, and a file that is not what was written is refused."""
+
+import json
+import math
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from safetensors.numpy import load_file, save_file
+
+from deepring.core.rasters import BevRaster
+from deepring.errors import DeepringError
+from deepring.evaluation import descriptors as module
+from deepring.evaluation.descriptors import (
+    Descriptors,
+    Labels,
+    file_name,
+    free_path,
+    read_descriptors,
+    write_descriptors,
+)
+
+MADE_BY = {"class": "deepring.methods.ring.Ring", "raster": {"kind": "bev", "height": (0, 1.5)}}
+
+
+def example(n=4, **changes):
+    rng = np.random.default_rng(n)
+    values = {
+        "descriptors": rng.normal(size=(n, 3, 2)).astype(np.float32),
+        "positions": rng.normal(size=(n, 2)) + 4037591.0,
+        "indices": np.arange(n) * 7,
+        "method": "RING",
+        "train": "",
+        "test": "sim",
+        "region": "test",
+        "side": "query",
+        "session": "2031-02-04",
+        "made_by": MADE_BY,
+        "ground_z": -1.9,
+        "seconds_per_scan": 0.004,
+    }
+    return Descriptors(**{**values, **changes})
+
+
+def assert_same(ours, theirs):
+    for field in fields(Descriptors):
+        a, b = (getattr(one, field.name) for one in (ours, theirs))
+        if isinstance(a, np.ndarray):
+            assert a.dtype == b.dtype
+            assert a.shape == b.shape
+            assert a.tobytes() == b.tobytes()
+        else:
+            assert a == b, field.name
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("descriptors")
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "some.safetensors"
+
+
+names = st.text(st.characters(exclude_categories=["C", "Z"], include_characters=" "), max_size=12)
+finite = st.floats(allow_nan=False, allow_infinity=False)
+plain = st.recursive(
+    st.none() | st.booleans() | st.integers() | finite | names,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(names, inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@st.composite
+def any_descriptors(draw):
+    n = draw(st.integers(1, 5))
+    rest = draw(st.lists(st.integers(1, 3), max_size=3))
+    width32 = st.floats(width=32, allow_nan=False, allow_infinity=False)
+    turned = draw(st.booleans())
+    return Descriptors(
+        descriptors=draw(arrays.arrays(np.float32, (n, *rest), elements=width32)),
+        positions=draw(arrays.arrays(np.float64, (n, 2), elements=finite)),
+        indices=draw(arrays.arrays(np.int64, n)),
+        yaws=draw(arrays.arrays(np.float64, n, elements=finite)) if turned else None,
+        **{name: draw(names) for name in ("method", "train", "test", "region", "session")},
+        side=draw(st.sampled_from(["database", "query"])),
+        made_by=draw(st.dictionaries(names, plain, max_size=4)),
+        ground_z=draw(finite),
+        seconds_per_scan=draw(st.floats(0, allow_infinity=False)),
+    )
+
+
+@settings(max_examples=50, deadline=None)
+@given(any_descriptors())
+def test_round_trip_is_exact(folder, descriptors):
+    write_descriptors(folder / "some.safetensors", descriptors)
+    assert_same(read_descriptors(folder / "some.safetensors"), descriptors)
+
+
+def test_arrays_in_any_order_in_memory_are_written_as_they_read(path):
+    turned = np.asfortranarray(example().descriptors)[::-1]
+    turned.flags.writeable = False
+    write_descriptors(path, example(descriptors=turned))
+    assert np.array_equal(read_descriptors(path).descriptors, turned)
+
+
+def test_the_header_is_plain_text_that_other_tools_can_read(path):
+    write_descriptors(path, example(yaws=np.arange(4.0)))
+    length = int.from_bytes(path.read_bytes()[:8], "little")
+    metadata = json.loads(path.read_bytes()[8 : 8 + length])["__metadata__"]
+    header = json.loads(metadata["deepring"])
+    assert header["version"] == 1
+    assert header["turned"] is True
+    assert (header["side"], header["session"]) == ("query", "2031-02-04")
+    assert header["made_by"]["raster"] == {"kind": "bev", "height": [0, 1.5]}
+    assert set(load_file(path)) == {"descriptors", "positions", "indices", "yaws"}
+
+
+def test_the_same_descriptors_make_the_same_bytes_and_replace_a_file(path):
+    write_descriptors(path, example(n=9))
+    write_descriptors(path, example())
+    first = path.read_bytes()
+    write_descriptors(path, example())
+    assert path.read_bytes() == first
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_path_that_cannot_be_written_is_refused(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(DeepringError, match="expected a path to write to"):
+        write_descriptors(tmp_path / "file" / "some.safetensors", example())
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"side": "both"}, "side 'both': expected 'database' or 'query'"),
+        ({"method": "two\nlines"}, r"method 'two\\nlines': expected a str without control"),
+        ({"ground_z": math.nan}, "ground_z nan: expected a finite float"),
+        ({"seconds_per_scan": -1.0}, r"seconds_per_scan -1\.0: expected at least 0"),
+        ({"descriptors": np.zeros((4, 2))}, "descriptors of float64: expected float32"),
+        ({"positions": np.zeros((3, 2))}, r"positions of shape \(3, 2\): expected \(4, 2\)"),
+        ({"indices": np.arange(5)}, r"indices of shape \(5,\): expected \(4,\)"),
+        ({"yaws": np.zeros(2)}, r"yaws of shape \(2,\): expected \(4,\)"),
+        ({"positions": np.full((4, 2), np.inf)}, "query: positions: 8 of 8 values are not finite"),
+        ({"yaws": np.array([0, 0, np.nan, 0])}, "yaws: 1 of 4 values are not finite"),
+        ({"made_by": {"raster": BevRaster}}, "made_by: .*; expected plain values"),
+        ({"made_by": ["ring"]}, r"made_by \['ring'\]: expected a dict"),
+    ],
+)
+def test_what_cannot_be_descriptors_is_named(changes, message):
+    with pytest.raises(DeepringError, match=message):
+        example(**changes)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_descriptors_that_are_not_finite_are_refused(value):
+    values = example().descriptors.copy()
+    values[2, 1, 0] = value
+    with pytest.raises(DeepringError, match=r"descriptors: 1 of 24 values are not finite"):
+        example(descriptors=values)
+
+
+@pytest.mark.parametrize(
+    ("side", "message"), [("database", "holds 0 places"), ("query", "holds 0 scans")]
+)
+def test_an_empty_set_is_refused(side, message):
+    with pytest.raises(DeepringError, match=f"sim, region test: the {side} {message}"):
+        example(n=0, side=side)
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(DeepringError, match=r"none\.safetensors: no such file; expected"):
+        read_descriptors(tmp_path / "none.safetensors")
+    with pytest.raises(DeepringError, match="no such file"):
+        read_descriptors(tmp_path)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x00" * 200, b"method,train,test\n" * 9])
+def test_another_kind_of_file_is_refused(path, content):
+    path.write_bytes(content)
+    with pytest.raises(DeepringError, match="expected a descriptor file"):
+        read_descriptors(path)
+
+
+def test_safetensors_of_something_else_are_refused(path):
+    save_file({"weight": np.zeros(3, np.float32)}, path, metadata={"format": "pt"})
+    with pytest.raises(DeepringError, match=r"without a header of ours \(metadata \['format'\]\)"):
+        read_descriptors(path)
+
+
+def test_a_file_cut_short_anywhere_is_refused(path):
+    write_descriptors(path, example())
+    whole = path.read_bytes()
+    for length in [*range(0, len(whole), 13), len(whole) - 1]:
+        path.write_bytes(whole[:length])
+        with pytest.raises(DeepringError, match=r"some\.safetensors: .*expected"):
+            read_descriptors(path)
+    path.write_bytes(whole + b"\x00")
+    with pytest.raises(DeepringError, match="cut short or altered"):
+        read_descriptors(path)
+
+
+def test_an_altered_byte_anywhere_is_refused(path):
+    write_descriptors(path, example())
+    whole = path.read_bytes()
+    rng = np.random.default_rng(0)
+    for place in range(len(whole)):
+        altered = bytearray(whole)
+        altered[place] ^= 1 << rng.integers(8)
+        path.write_bytes(altered)
+        with pytest.raises(DeepringError, match=r"some\.safetensors: "):
+            read_descriptors(path)
+
+
+def test_an_altered_value_and_an_altered_label_are_told_by_the_checksum(path):
+    write_descriptors(path, example())
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+    with pytest.raises(DeepringError, match=r"checksum \w{64}, expected \w{64}.*was altered"):
+        read_descriptors(path)
+    path.write_bytes(whole.replace(b"RING", b"RUNG"))
+    with pytest.raises(DeepringError, match="checksum"):
+        read_descriptors(path)
+
+
+def crafted(path, header=(), tensors=(), lacking=()):
+    """A file with a checksum that fits, of contents that `write_descriptors` never writes."""
+    write_descriptors(path, example())
+    length = int.from_bytes(path.read_bytes()[:8], "little")
+    text = json.loads(path.read_bytes()[8 : 8 + length])["__metadata__"]["deepring"]
+    values = {k: v for k, v in {**json.loads(text), **dict(header)}.items() if k not in lacking}
+    values.pop("checksum")
+    contents = {**load_file(path), **dict(tensors)}
+    sealed = module._sealed(values, contents)
+    save_file(contents, path, metadata={"deepring": sealed})
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"header": {"version": 2}}, "format version 2, expected 1; export again"),
+        ({"lacking": ["version"]}, "format version None, expected 1"),
+        ({"header": {"side": "both"}}, r"some\.safetensors: side 'both'"),
+        ({"lacking": ["made_by"]}, "'made_by'; expected a descriptor file"),
+        ({"header": {"extra": 1}}, "'extra'; expected a descriptor file"),
+        ({"tensors": {"positions": np.zeros((3, 2))}}, r"positions of shape \(3, 2\): expected"),
+        ({"tensors": {"positions": np.zeros((4, 2), np.float32)}}, "positions of float32"),
+        ({"tensors": {"yaws": np.full(4, np.nan)}}, "yaws: 4 of 4 values are not finite"),
+        ({"tensors": {"descriptors": np.zeros((0, 2), np.float32)}}, "the query holds 0 scans"),
+        ({"tensors": {"descriptors": np.zeros((), np.float32)}}, "expected a descriptor file"),
+    ],
+)
+def test_contents_that_cannot_be_right_are_refused(path, change, message):
+    with pytest.raises(DeepringError, match=message) as raised:
+        read_descriptors(crafted(path, **change))
+    assert str(path) in str(raised.value)
+
+
+def test_a_header_that_is_no_object_is_refused(path):
+    for text in ("[1, 2]", "{"):
+        save_file({"x": np.zeros(1)}, path, metadata={"deepring": text})
+        with pytest.raises(DeepringError, match="expected a descriptor file"):
+            read_descriptors(path)
+
+
+def test_file_names_tell_method_test_region_and_side():
+    assert file_name(example().labels, "query") == "RING__sim__test__query.safetensors"
+    labels = Labels("Scan Context 20x60", "", "sim_nclt", "../whole")
+    expected = "Scan_Context_20x60__sim_nclt___whole__database.safetensors"
+    assert file_name(labels, "database") == expected
+
+
+def test_a_file_makes_way_for_one_of_equal_labels_alone(tmp_path):
+    ours = example(method="Scan Context")
+    path = free_path(tmp_path, ours.labels, "query")
+    assert path == tmp_path / "Scan_Context__sim__test__query.safetensors"
+    write_descriptors(path, ours)
+    assert free_path(tmp_path, ours.labels, "query") == path
+    for changes in ({"method": "Scan/Context"}, {"train": "city"}):
+        with pytest.raises(DeepringError, match=r"query\.safetensors: holds the descriptors of"):
+            free_path(tmp_path, replace(ours, **changes).labels, "query")
+    path.write_text("precious")
+    with pytest.raises(DeepringError, match=r"it lies where descriptors are to be: delete it"):
+        free_path(tmp_path, ours.labels, "query")
+    assert path.read_text() == "precious"

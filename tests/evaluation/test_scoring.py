@@ -1,0 +1,318 @@
+"""Exported descriptors give the figures that the evaluation gave, and no others are scored."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from drives import PLACES, QUERIES, road_task
+
+from deepring.core.ground import Preprocessing
+from deepring.core.rasters import BevRaster, ContextRaster, HeightRaster, raster_settings
+from deepring.errors import DeepringError
+from deepring.evaluation.descriptors import (
+    file_name,
+    read_descriptors,
+    write_descriptors,
+)
+from deepring.evaluation.fingerprint import fingerprint
+from deepring.evaluation.protocol import evaluate_method
+from deepring.evaluation.scoring import (
+    Pair,
+    find_pairs,
+    rebuild_method,
+    score_descriptors,
+    score_pair,
+)
+from deepring.methods.base import Comparison
+from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.disco import Disco, DiscoSettings
+from deepring.methods.network import NetworkMethod
+from deepring.methods.ring import Ring
+from deepring.methods.scan_context import ScanContext
+
+BEV = BevRaster(cells=24)
+CONTEXT = ContextRaster(sectors=24, rings=8)
+HEIGHTS = HeightRaster(layers=2, sectors=24, rings=16)
+
+
+def deepring(seed=0, **changes):
+    torch.manual_seed(seed)
+    values = {"raster": raster_settings(BEV), "angles": 24, "bins": 24, "widths": (4, 6)}
+    return DeepRing(DeepRingSettings(**{**values, **changes}))
+
+
+def disco():
+    torch.manual_seed(0)
+    return Disco(DiscoSettings(raster=raster_settings(HEIGHTS), widths=(4, 6), size=8))
+
+
+METHODS = {
+    "RING": lambda: Ring(BEV, angles=24, bins=24),
+    "Scan Context": lambda: ScanContext(CONTEXT),
+    "Scan Context, 3 candidates": lambda: ScanContext(CONTEXT, candidates=3),
+    "DeepRING": deepring,
+    "DeepRING by cosine": lambda: deepring(aggregation="gap", similarity="cosine"),
+    "DiSCO": disco,
+}
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """By label: the method, its task, what the evaluation gave, and the two sides it exported."""
+    found = {}
+
+    def export(label):
+        if label not in found:
+            method, folder = METHODS[label](), tmp_path_factory.mktemp("exported")
+            task = road_task(method.raster)
+            outcome = evaluate_method(label, method, task, train="city", export=folder)
+            (pair,) = find_pairs(folder)
+            sides = read_descriptors(pair.query), read_descriptors(pair.database)
+            found[label] = method, task, outcome, pair, *sides
+        return found[label]
+
+    return export
+
+
+def assert_same(ours, theirs):
+    """But for the seconds of a search, which are measured anew."""
+    assert [replace(row, seconds_per_query=0) for row in ours.results] == [
+        replace(row, seconds_per_query=0) for row in theirs.results
+    ]
+    for a, b in zip(ours.curve, theirs.curve, strict=True):
+        assert torch.equal(a, b)
+    for name, values in vars(theirs.retrieved).items():
+        np.testing.assert_array_equal(getattr(ours.retrieved, name), values, err_msg=name)
+    assert ours.method == theirs.method
+
+
+@pytest.mark.parametrize("label", METHODS)
+def test_the_outcome_is_that_of_the_evaluation(label, exported):
+    method, _, outcome, pair, query, database = exported(label)
+    row = outcome.results[0]
+    assert (row.queries, row.database) == (QUERIES, PLACES)
+    assert 0 < row.recall_1 < 1  # else equal figures would say little
+    assert_same(score_descriptors(method, query, database), outcome)
+    assert_same(score_pair(pair), outcome)
+    assert all(r.seconds_per_query > 0 for r in score_pair(pair).results)
+
+
+@pytest.mark.parametrize("label", ["RING", "DeepRING"])
+def test_other_radii_give_what_an_evaluation_at_them_gives(label, exported):
+    method, task, _, pair, query, _ = exported(label)
+    radii = (3.0, 40.0, 12.5)
+    outcome = evaluate_method(label, method, task, radii, train="city")
+    rescored = score_pair(pair, radii)
+    assert [row.radius_m for row in rescored.results] == [3.0, 40.0, 12.5]
+    per_scan = query.seconds_per_scan
+    rows = [replace(row, seconds_per_scan=per_scan) for row in outcome.results]
+    assert_same(rescored, replace(outcome, results=rows))
+
+
+def test_turned_queries_are_known_as_such(tmp_path):
+    method = METHODS["RING"]()
+    task = road_task(method.raster, turned=True)
+    evaluate_method("RING", method, task, export=tmp_path)
+    (pair,) = find_pairs(tmp_path)
+    assert np.array_equal(read_descriptors(pair.query).yaws, task.query.scans.yaws)
+    assert read_descriptors(pair.database).yaws is None
+
+
+def test_progress_is_told(exported):
+    method, _, _, _, query, database = exported("RING")
+    told = []
+    score_descriptors(method, query, database, progress=lambda *counts: told.append(counts))
+    assert told == [(64, 70), (70, 70)]
+
+
+def refuses(message, method, query, database, radii=(10.0,)):
+    with pytest.raises(DeepringError, match=message):
+        score_descriptors(method, query, database, radii)
+
+
+def test_ring_against_scan_context_is_refused(exported):
+    ring, *_, query, _ = exported("RING")
+    *_, database = exported("Scan Context")
+    message = r"class is 'deepring\.methods\.ring\.Ring' for the query's and 'deepring\.methods\."
+    refuses(message + r"scan_context\.ScanContext' for the database's", ring, query, database)
+
+
+def test_other_preprocessing_is_refused(exported):
+    method, *_, query, database = exported("RING")
+    low = BevRaster(cells=24, preprocessing=Preprocessing(height=(1.0, 20.0)))
+    other = Ring(low, angles=24, bins=24)
+    made = replace(database, made_by=fingerprint(other))
+    height = r"raster\.preprocessing\.height is \[-5\.0, 20\.0\] for the query's and \[1\.0, 20\.0"
+    refuses(height, method, query, made)
+    refuses(
+        r"raster\.preprocessing\.height is \[1\.0, 20\.0\] for the method", other, query, database
+    )
+
+
+def test_other_weights_are_refused(exported):
+    method, *_, query, database = exported("DeepRING")
+    made = replace(database, made_by=fingerprint(deepring(seed=1)))
+    refuses(r"weights is '\w{64}' for the query's and '\w{64}' for", method, query, made)
+    refuses(r"weights is '\w{64}' for the method", deepring(seed=1), query, database)
+
+
+def test_rasters_of_two_versions_are_refused_together_but_each_is_scored(exported):
+    method, _, outcome, _, query, database = exported("RING")
+    made_by = {**query.made_by, "raster_version": 0}
+    query = replace(query, made_by=made_by)
+    refuses("raster_version is 0 for the query's and 1 for", method, query, database)
+    assert_same(score_descriptors(method, query, replace(database, made_by=made_by)), outcome)
+
+
+def test_a_method_that_did_not_make_them_is_refused(exported):
+    *_, query, database = exported("RING")
+    refuses("class is .*ScanContext' for the method", ScanContext(CONTEXT), query, database)
+    refuses("values.angles is 12 for the method and 24", Ring(BEV, 12, 24), query, database)
+
+
+@pytest.mark.parametrize("key", ["test", "region", "method", "train"])
+def test_sides_of_two_tests_are_refused(key, exported):
+    ring, *_, query, database = exported("RING")
+    refuses(f"{key} is '.*' for the query's and 'x'", ring, query, replace(database, **{key: "x"}))
+
+
+def test_sides_in_the_wrong_place_and_of_other_shapes_are_refused(exported):
+    ring, *_, query, database = exported("RING")
+    refuses("given as the query, but they are the database's", ring, database, query)
+    refuses("given as the database, but they are the query's", ring, query, query)
+    narrow = replace(database, descriptors=database.descriptors[:, :, :5])
+    refuses(r"shape is \[24, 13\] for the query's and \[24, 5\]", ring, query, narrow)
+
+
+def test_queries_without_an_answer_are_refused_with_the_nearest_place(exported):
+    ring, *_, query, database = exported("RING")
+    far = replace(query, positions=query.positions + np.array([0, 500]))
+    message = r"road, region test: radius 10 m: 0 of 70 queries .* nearest lies at 500 m; .* wider"
+    refuses(message, ring, far, database)
+    assert score_descriptors(ring, far, database, (501.0,)).results[0].answerable > 0
+    refuses("empty, expected at least one radius", ring, query, database, ())
+    refuses("radius -1.0: expected metres", ring, query, database, (10.0, -1.0))
+
+
+def test_an_empty_database_is_refused(exported):
+    *_, database = exported("RING")
+    none = {name: array[:0] for name, array in database.tensors.items()}
+    with pytest.raises(DeepringError, match="road, region test: the database holds 0 places"):
+        replace(database, **none)
+
+
+@pytest.mark.parametrize("label", METHODS)
+def test_a_method_is_rebuilt_of_its_fingerprint_without_weights(label):
+    made_by = fingerprint(METHODS[label]())
+    rebuilt = rebuild_method(made_by)
+    assert type(rebuilt) is type(METHODS[label]())
+    assert fingerprint(rebuilt) == {
+        key: value for key, value in made_by.items() if key != "weights"
+    }
+    if isinstance(rebuilt, NetworkMethod):
+        assert all(weight.is_meta for weight in rebuilt.parameters())
+
+
+class Untrained(Ring):
+    """A user's method that is no network."""
+
+
+class Learned(DeepRing):
+    """A user's network, with weights in its comparison as well."""
+
+    @torch.no_grad()
+    def compare(self, queries, database):
+        scores = super().compare(queries, database).score
+        return Comparison(scores * next(self.parameters()).sum(), None)
+
+
+RING = fingerprint(Ring())
+
+
+@pytest.mark.parametrize(
+    ("made_by", "message"),
+    [
+        (fingerprint(Untrained()), r"class test_scoring\.Untrained: expected a NetworkMethod"),
+        ({**RING, "class": "subprocess.Popen"}, r"class subprocess\.Popen: expected a NetworkM"),
+        ({"class": "subprocess.Popen", "settings": {}}, "is no NetworkMethod"),
+        ({"class": "nowhere.Net", "settings": {}}, r"'nowhere\.Net' cannot be imported"),
+        ({"class": "Net", "settings": {}}, "'Net' cannot be imported"),
+        ({}, "class None: expected a NetworkMethod"),
+        ({**RING, "values": {"angels": 60}}, r"cannot be made .*angels.*; expected those"),
+        ({"class": RING["class"]}, "cannot be made of the header's values"),
+        ({**RING, "raster": raster_settings(CONTEXT)}, "RING: raster ContextRaster, expected"),
+        ({**fingerprint(deepring()), "settings": {"width": 3}}, "DeepRING settings: .*width"),
+    ],
+)
+def test_what_cannot_be_rebuilt_is_refused(made_by, message):
+    with pytest.raises(DeepringError, match=message):
+        rebuild_method(made_by)
+
+
+def test_values_that_make_another_method_are_refused(exported, tmp_path):
+    *_, pair, _, _ = exported("RING")
+    assert score_pair(pair).results
+    *_, query, database = exported("RING")
+    raster = {k: v for k, v in query.made_by["raster"].items() if k != "extent"}
+    made_by = {**query.made_by, "raster": {**raster, "size": 3}}
+    with pytest.raises(DeepringError, match=r"raster 'bev': .*size"):
+        score_pair(written(tmp_path, query, database, made_by=made_by))
+    made_by = {**query.made_by, "raster": raster}  # as a version without the field wrote it
+    with pytest.raises(DeepringError, match=r"raster\.extent is 70\.0 for the method and None"):
+        score_pair(written(tmp_path, query, database, made_by=made_by))
+
+
+def written(folder, query, database, **changes):
+    paths = []
+    for side in (database, query):
+        paths.append(folder / file_name(side.labels, side.side))
+        write_descriptors(paths[-1], replace(side, **changes))
+    return Pair(*paths)
+
+
+def test_a_network_that_compares_with_its_weights_needs_them(tmp_path):
+    torch.manual_seed(0)
+    method = Learned(deepring().settings)
+    outcome = evaluate_method("mine", method, road_task(BEV), export=tmp_path)
+    (pair,) = find_pairs(tmp_path)
+    with pytest.raises(DeepringError, match=r"Learned compares with its weights, .* not in the"):
+        score_pair(pair)
+    sides = read_descriptors(pair.query), read_descriptors(pair.database)
+    assert_same(score_descriptors(method, *sides), outcome)
+
+
+def test_a_method_of_a_user_is_scored_by_itself(tmp_path):
+    method = Untrained(BEV, 24, 24)
+    outcome = evaluate_method("mine", method, road_task(BEV), export=tmp_path)
+    (pair,) = find_pairs(tmp_path)
+    sides = read_descriptors(pair.query), read_descriptors(pair.database)
+    assert_same(score_descriptors(method, *sides), outcome)
+
+
+def test_pairs_are_found_in_a_run_and_in_its_descriptors(exported, tmp_path):
+    labels = ["RING", "DeepRING"]
+    for label in labels:
+        *_, query, database = exported(label)
+        written(tmp_path / "descriptors", query, database)
+    (tmp_path / "descriptors" / ".RING__road__test__query.safetensors.part").touch()
+    (tmp_path / "descriptors" / "other.safetensors").touch()
+    names = [(pair.database.name, pair.query.name) for pair in find_pairs(tmp_path / "descriptors")]
+    assert names == [
+        (f"{label}__road__test__database.safetensors", f"{label}__road__test__query.safetensors")
+        for label in sorted(labels)
+    ]
+    assert find_pairs(tmp_path) == find_pairs(str(tmp_path / "descriptors"))
+
+
+def test_folders_without_pairs_are_refused(exported, tmp_path):
+    with pytest.raises(DeepringError, match="absent: no such folder"):
+        find_pairs(tmp_path / "absent")
+    with pytest.raises(DeepringError, match="no descriptor files in it"):
+        find_pairs(tmp_path)
+    *_, query, database = exported("RING")
+    for lost in ("query", "database"):
+        pair = written(tmp_path, query, database)
+        getattr(pair, lost).unlink()
+        with pytest.raises(DeepringError, match=f"__{lost}.safetensors: missing, but its other"):
+            find_pairs(tmp_path)
