@@ -12,11 +12,12 @@ nothing :=
 space := $(nothing) $(nothing)
 SWEEP := seed=$(subst $(space),$(comma),$(strip $(SEEDS))) hydra/launcher=joblib
 
-.PHONY: help install demo ablations test test-slow lint bench clean
+.PHONY: help install demo ablations compare test test-slow lint bench clean
 
 help:
 	@echo "make demo       simulate, train, evaluate, print the results (SEED=0)"
 	@echo "make ablations  Tables III and IV on simulated worlds (SEEDS='0 1 2'); goes on if stopped"
+	@echo "make compare    all methods, Tables I and II (SEEDS='0 1'); goes on if stopped"
 	@echo "make test       lint, types, import directions and the default tests"
 	@echo "make test-slow  the long tests"
 	@echo "make bench      scan -> BEV -> sinogram, in milliseconds"
@@ -43,6 +44,16 @@ ablations: install
 	$(BIN)/deepring train -m ablation=way $(SWEEP)
 	$(BIN)/deepring tables outputs/sweeps/demo_table3
 	$(BIN)/deepring tables outputs/sweeps/demo_way
+
+# Two worlds of each dataset unless SEEDS says otherwise.
+compare: SEEDS := $(if $(filter file,$(origin SEEDS)),0 1,$(SEEDS))
+compare: install
+	for seed in $(SEEDS); do for dataset in nclt mulran; do \
+	  $(BIN)/deepring simulate $$dataset --seed $$seed \
+	    -o outputs/datasets/sim_$${dataset}_seed$$seed || exit; \
+	done; done
+	$(BIN)/deepring compare --seeds $(subst $(space),$(comma),$(strip $(SEEDS))) \
+	  hydra/launcher=joblib
 
 test: install lint
 	$(BIN)/python -m pytest -n 2

@@ -50,7 +50,18 @@ def mistakes_reported(command: Callable[P, R]) -> Callable[P, R]:
 def is_mistake(error: Exception) -> bool:
     """Whether the user can mend it: an error of ours, of the config, or about a file.
 
-    Hydra's and OmegaConf's are told by module, so that neither is imported.
+    Hydra's and OmegaConf's are told by module, so that neither is imported: by that of the error,
+    and by that which raised it, since they say of some overrides so with a plain ValueError.
     """
     modules = {cls.__module__.partition(".")[0] for cls in type(error).__mro__}
+    if isinstance(error, ValueError):
+        modules.add(_raised_in(error).partition(".")[0])
     return isinstance(error, DeepringError | OSError) or bool(modules & {"hydra", "omegaconf"})
+
+
+def _raised_in(error: Exception) -> str:
+    """Name of the module whose code raised the error; empty where it was never raised."""
+    name, trace = "", error.__traceback__
+    while trace is not None:
+        name, trace = str(trace.tb_frame.f_globals.get("__name__", "")), trace.tb_next
+    return name

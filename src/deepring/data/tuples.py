@@ -120,28 +120,38 @@ class TupleSet(Dataset[TupleBatch]):
             rasters = self._turned(rasters, scans, turn)
         return TupleBatch(rasters, self.settings.positives, turn)
 
-    def draw(self, query: int, rng: np.random.Generator) -> NDArray[np.int64]:
-        """Numbers of the scans of one tuple, in the order of `TupleBatch`."""
+    def draw(self, query: int, rng: np.random.Generator, tries: int = 20) -> NDArray[np.int64]:
+        """Numbers of the scans of one tuple, in the order of `TupleBatch`.
+
+        The last negative is chosen before the others, which keep away from it. Raises
+        DeepringError where the pool is too small for both.
+        """
         s = self.settings
         near = self.near[query]
         positives = rng.choice(near[near != query], s.positives, replace=False)
-        far = np.setdiff1d(np.arange(len(self.pool)), self.around[query], assume_unique=True)
-        negatives = self._negatives(query, far, rng)
-        taken = np.concatenate([self.around[k] for k in (query, *negatives)])
-        others = np.setdiff1d(np.arange(len(self.pool)), taken)
-        if not len(others):
-            raise DeepringError(
-                f"drawing.negatives: {s.negatives} negatives beyond {s.different:g} m leave no "
-                f"place for another one among {len(self.pool)} training scans; lower "
-                "drawing.negatives or drawing.different, or enlarge data.regions.train"
-            )
-        return np.concatenate([[query], positives, negatives, rng.choice(others, 1)])
+        far = self._beyond(query)
+        for other in rng.permutation(far)[:tries]:
+            candidates = np.intersect1d(far, self._beyond(int(other)), assume_unique=True)
+            if len(candidates) >= s.negatives:
+                negatives = self._negatives(query, candidates, rng)
+                return np.concatenate([[query], positives, negatives, [other]])
+        raise DeepringError(
+            f"drawing.negatives: {s.negatives} scans that are all beyond {s.different:g} m of the "
+            f"query and of one more negative are not to be had among {len(self.pool)} training "
+            "scans; lower drawing.negatives or drawing.different, or enlarge data.regions.train"
+        )
+
+    def _beyond(self, scan: int) -> NDArray[np.int64]:
+        """The scans of other places than this one's."""
+        everything = np.ones(len(self.pool), dtype=np.bool_)
+        everything[self.around[scan]] = False
+        return np.flatnonzero(everything)
 
     def _negatives(
-        self, query: int, far: NDArray[np.int64], rng: np.random.Generator
+        self, query: int, candidates: NDArray[np.int64], rng: np.random.Generator
     ) -> NDArray[np.int64]:
         s = self.settings
-        shuffled = rng.permutation(far)
+        shuffled = rng.permutation(candidates)
         if self.vectors is None or not s.hard:
             return shuffled[: s.negatives]
         sampled = shuffled[: s.sampled]

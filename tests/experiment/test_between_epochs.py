@@ -1,0 +1,77 @@
+"""Hard negatives and growing batches: they do something, and a resumed run sees the same."""
+
+import pytest
+import torch
+from test_methods import DATA, TINY
+
+from deepring.data.scan_batches import ScanBatchSet
+from deepring.data.tuples import TupleSet
+from deepring.experiment.status import read_status
+from deepring.experiment.train import train
+
+
+@pytest.fixture
+def run(composed, tiny_nclt, tmp_path):
+    def trained(name, method, epochs, *overrides):
+        cfg = composed(
+            *(f"data.root={tiny_nclt}", f"method={method}", *TINY[method], *DATA),
+            *(f"trainer.max_epochs={epochs}", "trainer.log_every_n_steps=1"),
+            *("callbacks.progress=null", "evaluate=false", f"paths.run={tmp_path / name}"),
+            *overrides,
+        )
+        return train(cfg, tmp_path / name)
+
+    return trained
+
+
+def weights(trained):
+    last = trained.folder / "checkpoints" / "last.ckpt"
+    return torch.load(last, weights_only=True)["state_dict"]
+
+
+def same(a, b):
+    return all(torch.equal(a[key], b[key]) for key in a)
+
+
+def test_hard_negatives_are_sought_from_their_epoch_on(run, monkeypatch):
+    learnt = []
+    monkeypatch.setattr(TupleSet, "learn", lambda self, vectors: learnt.append(len(vectors)))
+    run("late", "disco", 3, "drawing.hard_from=1")
+    assert len(learnt) == 2
+    assert learnt[0] > 20  # all training scans
+    learnt.clear()
+    run("none", "disco", 2, "drawing.hard=0")
+    assert not learnt
+
+
+@pytest.mark.filterwarnings("ignore:Checkpoint directory .* exists")
+@pytest.mark.parametrize("method", ["disco", "egonn"])
+def test_a_resumed_run_draws_what_an_undisturbed_one_draws(run, method):
+    grown = ["drawing.expand_below=1", "drawing.expand_by=1.5"] if method == "egonn" else []
+    whole = weights(run("whole", method, 3, *grown))
+    run("stopped", method, 2, *grown)
+    last = "{}/stopped/checkpoints/last.ckpt"
+    folder = run("again", method, 1, *grown).folder.parent
+    resumed = run("stopped", method, 3, *grown, f"resume={last.format(folder)}")
+    assert same(whole, weights(resumed))
+
+
+def test_batches_grow_only_where_few_triplets_are_active(run, monkeypatch):
+    sizes = []
+    get = ScanBatchSet.__getitem__
+
+    def seen(self, index):
+        batch = get(self, index)
+        sizes.append(self.size)
+        return batch
+
+    monkeypatch.setattr(ScanBatchSet, "__getitem__", seen)
+    run("grows", "egonn", 3, "drawing.expand_below=1", "drawing.expand_by=1.5", "loss.margin=1e-6")
+    assert sizes[-6:] == [4, 4, 6, 6, 6, 6]  # two batches an epoch, a limit of 6
+    sizes.clear()
+    run("stays", "egonn", 3, "drawing.expand_below=0", "drawing.expand_by=1.5")
+    assert set(sizes) == {4}
+
+
+def test_the_training_time_is_noted(run):
+    assert 0 < read_status(run("timed", "disco", 1).folder).seconds < 600

@@ -1,0 +1,137 @@
+"""Every method's config: it composes, names its command, trains, and is loaded as what it is."""
+
+import pytest
+from omegaconf import OmegaConf
+from test_train import SMALL
+
+from deepring.cli.experiments import config_folder
+from deepring.errors import DeepringError
+from deepring.experiment import build
+from deepring.experiment.evaluate import plan_evaluation
+from deepring.experiment.train import train
+from deepring.training.module import load_network
+
+METHODS = sorted(
+    path.stem for path in (config_folder() / "method").glob("*.yaml") if path.stem != "other"
+)
+FIXED = ("ring", "scan_context", "scan_context_120")
+LEARNED = [name for name in METHODS if name not in FIXED]
+DATA = SMALL[3:]
+
+#: The tiny streets hold few scans: small batches, and other places from 20 m on.
+TINY = {
+    "deepring": ["encoder=unet_small", *SMALL[:3]],
+    "pointnetvlad": [
+        *("method.raster.count=64", "method.second=[8,8]", "method.clusters=2"),
+        *("drawing.negatives=2", "drawing.hard=1", "drawing.hard_from=0"),
+        *("drawing.different=20", "drawing.per_epoch=2"),
+    ],
+    "disco": [
+        *("method.widths=[2,2]", "drawing.negatives=2", "drawing.hard=1", "drawing.hard_from=0"),
+        *("drawing.different=20", "drawing.per_epoch=2"),
+    ],
+    "egonn": [
+        *("method.raster.degrees=6", "method.raster.ring=2", "method.raster.height=2"),
+        *("method.raster.max_voxels=200", "method.widths=[2,2]", "method.global_levels=[2]"),
+        *("drawing.size=4", "drawing.limit=6", "drawing.per_epoch=2", "drawing.same=10"),
+        *("drawing.different=20",),
+    ],
+}
+
+
+def tiny(method):
+    return TINY[method.removesuffix("_small")]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_each_method_names_its_command_and_says_whether_it_learns(method, composed):
+    lines = (config_folder() / "method" / f"{method}.yaml").read_text().splitlines()
+    assert lines[1] == f"# deepring train method={method}"
+    cfg = composed("data.root=/nowhere", f"method={method}")
+    assert build.learns(cfg) == (method in LEARNED)
+    if method in LEARNED:
+        network = build.network(cfg)
+        module = build.module(cfg, [], network)
+        module.configure_optimizers()
+        assert network.raster.preprocessing.clearance == 0.5  # the comparison's
+    else:
+        assert len(build.fixed_methods(cfg)) == 4 - (method in cfg.methods)
+
+
+@pytest.mark.parametrize("method", LEARNED)
+def test_each_learned_method_trains_and_its_checkpoint_knows_it(
+    method, composed, tiny_nclt, tmp_path
+):
+    cfg = composed(
+        *(f"data.root={tiny_nclt}", f"method={method}", *tiny(method), *DATA),
+        *(
+            "trainer.max_epochs=1",
+            "trainer.log_every_n_steps=1",
+            "callbacks.progress=null",
+            "evaluation.figures=false",
+        ),
+        *("methods.ring=null", "methods.scan_context=null", "methods.scan_context_120=null"),
+    )
+    trained = train(cfg, tmp_path / "run")
+    loaded = load_network(trained.checkpoint).method
+    assert {r.method for r in trained.results} == {loaded.settings.label}
+    assert loaded.settings == build.network_settings(cfg)
+    kept = OmegaConf.load(tmp_path / "run" / "config.yaml")
+    assert kept.method._target_.endswith(type(loaded).__name__)
+
+
+@pytest.fixture(scope="module")
+def disco_run(compose_in, tiny_nclt, tmp_path_factory):
+    outputs = tmp_path_factory.mktemp("disco")
+    cfg = compose_in(
+        outputs,
+        *(f"data.root={tiny_nclt}", "method=disco", *TINY["disco"], *DATA),
+        *(
+            "trainer.max_epochs=1",
+            "trainer.log_every_n_steps=1",
+            "callbacks.progress=null",
+            "evaluate=false",
+        ),
+    )
+    return train(cfg, outputs / "run")
+
+
+@pytest.mark.parametrize("asked", ["deepring", "egonn", "ring"])
+def test_a_checkpoint_of_one_method_is_not_loaded_as_another(asked, disco_run, composed, tiny_nclt):
+    cfg = composed(f"data.root={tiny_nclt}", f"method={asked}", name="evaluate")
+    with pytest.raises(DeepringError, match=r"holds a network of DiSCO .*, but method asks for"):
+        plan_evaluation(cfg, disco_run.checkpoint)
+
+
+def test_without_a_method_the_checkpoints_is_taken(disco_run, composed, tiny_nclt):
+    cfg = composed(f"data.root={tiny_nclt}", *DATA, name="evaluate")
+    plan = plan_evaluation(cfg, disco_run.checkpoint)
+    assert plan.network.settings.label == "DiSCO"
+    assert cfg.method["_target_"] == "deepring.methods.disco.Disco"
+    assert cfg.representation is None
+
+
+def test_a_run_is_not_resumed_as_another_method(disco_run, composed, tiny_nclt, tmp_path):
+    last = disco_run.folder / "checkpoints" / "last.ckpt"
+    cfg = composed(f"data.root={tiny_nclt}", *SMALL, "encoder=unet_small", f"resume={last}")
+    with pytest.raises(DeepringError, match="trained with other method"):
+        train(cfg, tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "complaint"),
+    [
+        (["method=disco", "representation=polar_gram"], "representation: a group of DeepRING"),
+        (["method=disco", "episode=paper"], "episode, drawing: both are given"),
+        (["method=disco", "loss=batch_hard"], "loss: BatchHardTriplet is of ScanBatch batches"),
+        (["method=disco", "method.size=64"], r"disco\.size: 64"),
+        (["method=disco", "+method.depth=3"], "DiSCO settings.*depth"),
+        (["method=disco", "method.raster.kind=bev"], "raster 'bev'"),
+        (["method=deepring", "~encoder"], "encoder: null, but DeepRING"),
+        (["method._target_=deepring.methods.ring.Rang"], "Rang"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(overrides, complaint, composed, tmp_path):
+    cfg = composed("data.root=/nowhere", *overrides)
+    with pytest.raises(DeepringError, match=complaint):
+        build.module(cfg, [], build.network(cfg))

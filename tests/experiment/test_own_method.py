@@ -1,0 +1,41 @@
+"""The method of docs/comparison.md, as its reader would write it."""
+
+import re
+import shutil
+import sys
+from pathlib import Path
+
+from hydra import compose, initialize_config_dir
+from test_train import SMALL
+
+from deepring.cli.experiments import config_folder
+from deepring.experiment.config import check_config, register_schema
+from deepring.experiment.train import train
+from deepring.training.module import load_network
+
+PAGE = Path(__file__).parents[2] / "docs" / "comparison.md"
+
+
+def test_the_docs_method_trains_from_its_file_and_its_config(tiny_nclt, tmp_path, monkeypatch):
+    code, config = (
+        re.search(rf"```{kind}\n(.*?)```", PAGE.read_text(), re.DOTALL)[1]
+        for kind in ("python", "yaml")
+    )
+    (tmp_path / "mine.py").write_text(code)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    conf = shutil.copytree(config_folder(), tmp_path / "conf")
+    (conf / "method" / "mine.yaml").write_text(config.replace("deepring.methods.mine", "mine"))
+    register_schema()
+    with initialize_config_dir(str(conf), version_base="1.3"):
+        composed = compose(
+            "train",
+            [
+                *("method=mine", "drawing.size=4", "drawing.limit=4", "drawing.per_epoch=2"),
+                *(f"data.root={tiny_nclt}", *SMALL[3:], f"paths.outputs={tmp_path}"),
+                *(f"paths.run={tmp_path / 'run'}", "evaluation.figures=false"),
+                *("trainer.max_epochs=1", "trainer.log_every_n_steps=1", "callbacks.progress=null"),
+            ],
+        )
+    trained = train(check_config(composed), tmp_path / "run")
+    assert type(load_network(trained.checkpoint).method) is sys.modules["mine"].Mine
+    assert "Mine" in {r.method for r in trained.results}
