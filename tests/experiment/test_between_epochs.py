@@ -35,7 +35,7 @@ def same(a, b):
 
 def test_hard_negatives_are_sought_from_their_epoch_on(run, monkeypatch):
     learnt = []
-    monkeypatch.setattr(TupleSet, "learn", lambda self, vectors: learnt.append(len(vectors)))
+    monkeypatch.setattr(TupleSet, "learn", lambda _, vectors: learnt.append(len(vectors)))
     run("late", "disco", 3, "drawing.hard_from=1")
     assert len(learnt) == 2
     assert learnt[0] > 20  # all training scans
