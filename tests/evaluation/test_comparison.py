@@ -541,3 +541,15 @@ def test_names_lead_to_the_papers_rows():
     for label in ("Scan Context 20x60", "Scan Context", "RING++", "RING#", "Ring", "M2DP"):
         assert paper_rates("table1", "nclt", label) is None
     assert paper_rates("table2", "kitti", "RING") is None
+
+
+def test_data_that_a_run_does_not_use_clashes_with_nothing():
+    elsewhere = dataset(NCLT, 0, root="elsewhere")
+    compare([unlearned(data=elsewhere), learned(train_data={NCLT: dataset(NCLT, 0)})])
+    # It is used where the training or the test names no other.
+    for runs in (
+        [unlearned(data=elsewhere, test_data={}), unlearned("Mine")],
+        [learned(data=elsewhere), unlearned()],
+    ):
+        with pytest.raises(DeepringError, match=r"data sim_nclt root .*'elsewhere'"):
+            compare(runs)

@@ -238,7 +238,7 @@ def _stated_datasets(runs: Iterable[Run]) -> list[list[_Stated]]:
     groups: dict[object, list[_Stated]] = {}
     for run in runs:
         seed = seed_of(run)
-        for node in _datasets(run.config):
+        for node in _datasets(run):
             name = node["name"]
             values = flatten({key: value for key, value in node.items() if key != "root"})
             named = {f"data {name} {key}": value for key, value in values.items()}
@@ -248,15 +248,14 @@ def _stated_datasets(runs: Iterable[Run]) -> list[list[_Stated]]:
     return list(groups.values())
 
 
-def _datasets(node: Any) -> Iterator[Mapping[str, Any]]:
-    """All that a config holds, whether to train or to test on: they have a name and a format."""
-    if not isinstance(node, Mapping):
-        return
-    if isinstance(node.get("name"), str) and "format" in node:
-        yield node
-    else:
-        for part in node.values():
-            yield from _datasets(part)
+def _datasets(run: Run) -> Iterator[Mapping[str, Any]]:
+    """Those the run was trained or tested on; ``data`` stands in where a side names none."""
+    trains = any(result.train for result in run.results)
+    sides = {side: run.config.get(side) or {} for side in ("train_data", "test_data")}
+    for nodes in sides.values():
+        yield from nodes.values()
+    if not sides["test_data"] or (trains and not sides["train_data"]):
+        yield from [node] if (node := run.config.get("data")) else []
 
 
 def _own_labels(run: Run) -> set[str]:
