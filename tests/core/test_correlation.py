@@ -2,17 +2,23 @@
 
 import math
 
+import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from deepring.core import correlation
 from deepring.core.correlation import (
     circular_cross_correlation,
     correlation_curves,
+    expect_form,
+    magnitude_correlation_curves,
     shift_to_yaw,
     standardise,
     unit_norm,
 )
+from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
+from deepring.errors import DeepringError
 
 
 def maps(n, rows, cols, seed):
@@ -82,3 +88,90 @@ def test_unnormalised_correlation_lets_the_brightest_place_win():
     assert (raw == 2).all()
     normalised = circular_cross_correlation(unit_norm(places), unit_norm(places)).score.argmax(1)
     assert torch.equal(normalised, torch.arange(5))
+
+
+def brute_magnitudes(queries, database):
+    """Σ_ω |Σ_θ Q(θ + α, ω) D(θ, ω)| by loops."""
+    rows, width = queries.shape[-2:]
+    curves = torch.zeros(len(queries), len(database), rows)
+    for i, query in enumerate(queries):
+        for j, entry in enumerate(database):
+            for alpha in range(rows):
+                for omega in range(width):
+                    inner = sum(
+                        query[(theta + alpha) % rows, omega] * entry[theta, omega]
+                        for theta in range(rows)
+                    )
+                    curves[i, j, alpha] += abs(inner)
+    return curves
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    st.integers(1, 3), st.integers(1, 4), st.integers(2, 9), st.integers(1, 5), st.integers(0, 99)
+)
+def test_the_published_form_takes_the_magnitude_of_each_frequency(q, d, rows, cols, seed):
+    queries, database = maps(q, rows, cols, seed), maps(d, rows, cols, seed + 1)
+    brute = brute_magnitudes(queries, database)
+    curves = magnitude_correlation_curves(queries, database)
+    assert torch.allclose(curves, brute, atol=1e-4)
+    match = circular_cross_correlation(queries, database, "published")
+    assert torch.allclose(match.score, brute.amax(-1), atol=1e-4)
+
+
+def test_the_published_form_is_neither_the_papers_nor_its_magnitude():
+    queries, database = maps(3, 9, 5, 10), maps(4, 9, 5, 11)
+    published = magnitude_correlation_curves(queries, database)
+    paper = correlation_curves(queries, database)
+    assert (published > paper.abs() + 1e-3).float().mean() > 0.9  # summed first, values cancel
+    assert (published >= paper.abs() - 1e-4).all()
+    # One frequency leaves nothing to cancel, and what is nowhere opposed is the same in both.
+    one = queries[..., :1], database[..., :1]
+    assert torch.allclose(
+        magnitude_correlation_curves(*one), correlation_curves(*one).abs(), atol=1e-4
+    )
+    positive = queries.abs(), database.abs()
+    assert torch.allclose(
+        magnitude_correlation_curves(*positive), correlation_curves(*positive), atol=1e-4
+    )
+
+
+@pytest.mark.parametrize("bins", [12, 13])
+def test_the_published_form_sums_over_the_full_spectrum(bins):
+    rows = torch.rand(5, 8, bins, generator=torch.Generator().manual_seed(12))
+    full = standardise(torch.fft.fft(rows, norm="ortho").abs())
+    half = standardise_spectrum(row_dft_magnitude(rows), bins)
+    expected = brute_magnitudes(full[:2], full[2:])
+    assert torch.allclose(magnitude_correlation_curves(half[:2], half[2:]), expected, atol=1e-3)
+    # Weighing the doubled frequencies once more, or not at all, is something else.
+    weights = row_dft_magnitude(torch.eye(1, bins))
+    weights = weights / weights[0, 0]
+    for other in (half * weights, half / weights):
+        curves = magnitude_correlation_curves(other[:2], other[2:])
+        assert not torch.allclose(curves, expected, rtol=1e-2)
+
+
+def test_the_published_form_turns_the_same_way():
+    entry = maps(1, 12, 5, 13)
+    match = circular_cross_correlation(entry.roll(3, dims=-2), entry, "published")
+    assert match.shift.item() == 3  # not 9, its mirror
+    assert torch.allclose(match.score, entry.square().sum())
+
+
+@pytest.mark.parametrize("block", [1, 60, 61, 3 * 60, 7 * 60, 10**6])
+def test_the_published_form_is_the_same_in_any_blocks(block, monkeypatch):
+    queries, database = maps(4, 12, 5, 14), maps(3, 12, 5, 15)
+    whole = magnitude_correlation_curves(queries, database)
+    shapes, inverse = [], torch.fft.irfft
+    monkeypatch.setattr(correlation, "BLOCK", block)
+    monkeypatch.setattr(
+        torch.fft, "irfft", lambda x, **kw: shapes.append(x.shape[:2].numel()) or inverse(x, **kw)
+    )
+    assert torch.allclose(magnitude_correlation_curves(queries, database), whole, atol=1e-5)
+    assert sum(shapes) == 12
+    assert max(shapes) <= max(1, block // 60)
+
+
+def test_other_forms_are_named():
+    with pytest.raises(DeepringError, match=r"ring\.correlation: 'both', expected 'paper'"):
+        expect_form("ring.correlation", "both")

@@ -312,7 +312,7 @@ def test_costs_are_medians_over_results_and_a_mean_over_trainings():
             r"data sim_nclt spacing\.database: 20 in one, 10 in two",
         ),
         (
-            {"data": dataset(MULRAN, 0, regions={"test": [1]})},
+            {"test_data": {"x": dataset(MULRAN, 0, regions={"test": [1]})}},
             r"data sim_mulran regions\.test: \[\] in one, \[1\] in two",
         ),
         (
@@ -327,6 +327,15 @@ def test_other_data_or_protocol_is_refused_naming_key_values_and_folders(changes
         compare(runs)
     notes = shown(runs, mix=True)["table1"].notes
     assert any(re.match(rf"mixed, .* not be comparable: {message}", note) for note in notes)
+
+
+def test_what_is_trained_on_is_not_held_against_what_is_tested_on():
+    narrow = {"spacing": {"database": 20, "query": 5, "train": 1}, "regions": {"test": []}}
+    runs = [learned(data=dataset(NCLT, 0, **narrow)), learned(train=MULRAN)]
+    compare(runs)
+    other = learned("EgoNN", data=dataset(NCLT, 0))
+    with pytest.raises(DeepringError, match=r"data sim_nclt spacing\.train: 1 in .*, None in"):
+        compare([*runs, other])
 
 
 def test_data_may_lie_elsewhere_for_another_seed_and_test_sets_may_be_more():

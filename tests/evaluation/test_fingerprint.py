@@ -30,7 +30,7 @@ def test_the_fingerprint_of_a_method_without_weights():
         "class": "deepring.methods.ring.Ring",
         "raster": {**raster_settings(BevRaster()), "preprocessing": preprocessing()},
         "raster_version": RASTER_VERSION,
-        "values": {"angles": 60, "bins": 120},
+        "values": {"angles": 60, "bins": 120, "correlation": "paper"},
     }
     assert fingerprint(ScanContext(candidates=3))["values"] == {"candidates": 3}
 

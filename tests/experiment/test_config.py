@@ -16,6 +16,7 @@ from deepring.experiment.evaluate import plan_evaluation
 from deepring.experiment.hyperparameters import hyperparameters
 
 ROOT = "data.root=/nowhere"
+ROOTS = ("nclt", "mulran", "kitti")
 
 
 def test_defaults_are_the_papers(composed):
@@ -53,6 +54,15 @@ def test_a_wrong_type_names_its_key(composed, override, key):
 def test_a_missing_value_names_its_key(composed):
     with pytest.raises(DeepringError, match=r"data\.root=VALUE"):
         composed("data=nclt")
+
+
+def test_a_downloads_folder_is_said_once_for_all_runs(composed):
+    cfg = composed("train=nclt", "test=[mulran,kitti]", *(f"paths.{n}=/{n}" for n in ROOTS))
+    roots = [node.root for node in (*cfg.train_data.values(), *cfg.test_data.values())]
+    assert roots == [f"/{name}" for name in ROOTS]
+    assert composed("data=nclt", "data.root=/own", "paths.nclt=/nclt").data.root == "/own"
+    with pytest.raises(DeepringError, match=r"train_data\.mulran\.root=VALUE"):
+        composed("train=mulran", "paths.nclt=/nclt")
 
 
 @pytest.mark.parametrize(

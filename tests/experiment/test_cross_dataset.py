@@ -47,7 +47,7 @@ def files(scans):
 
 def test_regions_and_sessions_of_training_and_test_are_disjoint(crossing):
     cfg = crossing("evaluation.regions=[test,whole]", "overlap=leave_out")
-    datasets, tests = build.datasets(cfg)
+    both = datasets, _ = build.datasets(cfg)
     trained = set().union(*(files(scans) for d in datasets for scans in d.training()))
     validated = set()
     for dataset in datasets:
@@ -55,7 +55,7 @@ def test_regions_and_sessions_of_training_and_test_are_disjoint(crossing):
         validated |= files(held_out.database) | files(held_out.query)
     assert not trained & validated
     seen = []
-    for split in plan_evaluation(cfg, datasets=tests, after=True).splits:
+    for split in plan_evaluation(cfg, datasets=both, after=True).splits:
         tested = files(split.database) | files(split.query)
         if tested & (trained | validated):
             seen.append((split.name, split.region))
@@ -112,8 +112,8 @@ def test_only_the_training_pool_reaches_the_training(crossing, monkeypatch, tmp_
 
 def test_overlap_is_refused_left_out_or_allowed(crossing, caplog):
     cfg = crossing("evaluation.regions=[whole]")
-    datasets, tests = build.datasets(cfg)
-    splits = plan_evaluation(cfg, datasets=tests, after=True).splits
+    datasets, _ = build.datasets(cfg)
+    splits = plan_evaluation(cfg, after=True).splits
     with pytest.raises(DeepringError, match="overlap=allow"):
         check_overlap(cfg, datasets, splits)
     cfg.overlap = "leave_out"

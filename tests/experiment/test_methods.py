@@ -14,7 +14,7 @@ from deepring.training.module import load_network
 METHODS = sorted(
     path.stem for path in (config_folder() / "method").glob("*.yaml") if path.stem != "other"
 )
-FIXED = ("ring", "scan_context", "scan_context_120")
+FIXED = ("ring", "ring_plus_plus", "scan_context", "scan_context_120")
 LEARNED = [name for name in METHODS if name not in FIXED]
 DATA = SMALL[3:]
 
@@ -27,6 +27,7 @@ TINY = {
         *("drawing.different=20", "drawing.per_epoch=2"),
     ],
     "disco": [
+        "drawing.same=10",
         *("method.widths=[2,2]", "drawing.negatives=2", "drawing.hard=1", "drawing.hard_from=0"),
         *("drawing.different=20", "drawing.per_epoch=2"),
     ],

@@ -11,6 +11,7 @@ from deepring.core.bev import bev_occupancy
 from deepring.core.radon import radon
 from deepring.core.rasters import BevRaster
 from deepring.core.rigid import turn_points
+from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.ring import Ring
 
@@ -114,3 +115,36 @@ def test_angles_and_bins_are_its_own():
     ring = Ring(BevRaster(cells=40), angles=48, bins=30)
     assert ring.raster.shape == (40, 40)
     assert ring.describe(torch.ones(2, 40, 40)).shape == (2, 48, 16)
+
+
+def test_the_published_correlation_scores_in_zero_to_one():
+    empty = np.zeros((0, 3), dtype=np.float32)
+    places = describe(*(scattered(seed) for seed in range(5)), empty)
+    paper = Ring().compare(places, places).score
+    published = Ring(correlation="published").compare(places, places).score
+    expected = torch.tensor([1.0] * 5 + [0.0])
+    assert torch.allclose(published.diagonal(), expected, atol=1e-5)
+    assert published.min() >= 0
+    assert published.max() < 1 + 1e-5
+    # Frequencies that are opposed count for a match: other places look more alike, if by little.
+    others = ~torch.eye(6, dtype=torch.bool)
+    others[5] = others[:, 5] = False
+    more = (published - paper)[others]
+    print(f"others score {paper[others].mean():.4f}, as published {more.mean():.4f} more")
+    assert more.min() > -1e-5
+    assert more.max() > 1e-3
+    assert torch.equal(published[:5, :5].argmax(1), torch.arange(5))
+
+
+@pytest.mark.parametrize("steps", [10, 22, 45])
+def test_the_published_correlation_has_the_same_yaw(steps):
+    points = scattered(2)
+    places = describe(moved(points, 2.0, -1.0, yaw=steps * STEP)), describe(points)
+    yaw = Ring(correlation="published").compare(*places).yaw.item()
+    assert away_from(yaw - steps * STEP, math.pi) < 1.01 * STEP
+    assert away_from(yaw + steps * STEP, math.pi) > 3 * STEP
+
+
+def test_another_correlation_is_named():
+    with pytest.raises(DeepringError, match=r"ring\.correlation: 'Eq. 8', expected 'paper'"):
+        Ring(correlation="Eq. 8")

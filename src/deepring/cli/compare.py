@@ -8,6 +8,7 @@ from deepring.cli.experiments import run_multirun
 from deepring.cli.report import console
 from deepring.cli.sweeps import report_sweep
 from deepring.cli.tables import tables_command
+from deepring.errors import DeepringError
 
 #: An option of the command, the key it sets, and how several values are written in a sweep.
 _OPTIONS = {"train": "train={}", "seeds": "seed={}", "test": "test=[{}]"}
@@ -16,6 +17,8 @@ _OPTIONS = {"train": "train={}", "seeds": "seed={}", "test": "test=[{}]"}
 def compare_command(arguments: Sequence[str]) -> None:
     """``deepring compare [options] [KEY=VALUE ...]``; what has finished before is skipped."""
     args = _parser().parse_intermixed_args(arguments)
+    if args.learned == args.fixed == "":
+        raise DeepringError("--learned, --fixed: both empty; expected at least one method")
     finished, failed = [], 0
     for kind, overrides in _sweeps(args):
         done = run_multirun(["-m", f"comparison={kind}", *overrides, *args.overrides])

@@ -1,8 +1,8 @@
 """From the points of a scan to the array that is cached: one small class a kind of array.
 
-The images are here, the sets of points and voxels in `deepring.core.point_rasters`. A raster is
-a frozen dataclass of plain values: it names everything that made an array, so it is the cache's
-key and travels in a checkpoint.
+The images are here, those of local features in `deepring.core.feature_raster`, the sets of points
+and voxels in `deepring.core.point_rasters`. A raster is a frozen dataclass of plain values: it
+names everything that made an array, so it is the cache's key and travels in a checkpoint.
 """
 
 from dataclasses import asdict, dataclass, field
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.core.bev import bev_occupancy
+from deepring.core.feature_raster import FeatureBevRaster
 from deepring.core.ground import Preprocessing
 from deepring.core.point_rasters import PointsRaster, VoxelRaster
 from deepring.core.polar import polar_gram, polar_layers, scan_context
@@ -223,6 +224,7 @@ RASTERS: dict[str, type[Raster]] = {
     "heights": HeightRaster,
     "points": PointsRaster,
     "voxels": VoxelRaster,
+    "features": FeatureBevRaster,
 }
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch.utils.data import Dataset, Sampler
 
 from deepring.data.cache import Rasters
-from deepring.data.pool import TrainingPool, set_apart, within
+from deepring.data.pool import TrainingPool, check_apart, set_apart, within
 from deepring.errors import DeepringError
 
 
@@ -33,11 +33,7 @@ class EpisodeSettings:
                 raise DeepringError(
                     f"episode.{name}: {getattr(self, name)}, expected at least {least}"
                 )
-        if not 0 < self.same <= self.different:
-            raise DeepringError(
-                f"episode.same: {self.same} m, episode.different: {self.different} m; "
-                "expected 0 < same <= different"
-            )
+        check_apart("episode", self.same, self.different)
 
     def training_set(self, pool: TrainingPool, seed: int) -> "EpisodeDataset":
         """Episodes of a pool. Raises DeepringError where it holds fewer places than ways."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from deepring.data.cache import Rasters, ScanSet
+from deepring.errors import DeepringError
 
 Neighbours = list[NDArray[np.int64]]
 """For each scan the sorted numbers of some others."""
@@ -66,6 +67,15 @@ def join(parts: Sequence[Part]) -> TrainingPool:
         np.concatenate([part.scans.headings for part in parts]),
         Rasters(data, parts[0].rasters.raster),
     )
+
+
+def check_apart(group: str, same: float, different: float) -> None:
+    """Raise DeepringError unless scans of one place are nearer than those of different places."""
+    if not 0 < same <= different:
+        raise DeepringError(
+            f"{group}.same: {same} m, {group}.different: {different} m; "
+            "expected 0 < same <= different"
+        )
 
 
 class TrainingSet(Protocol):

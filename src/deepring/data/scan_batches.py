@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from deepring.core.turning import sectors_in, turn_rasters
-from deepring.data.pool import TrainingPool, within
+from deepring.data.pool import TrainingPool, check_apart, within
 from deepring.errors import DeepringError
 
 
@@ -60,11 +60,7 @@ class ScanBatchSettings:
                 f"drawing.expand_below: {self.expand_below}, drawing.expand_by: {self.expand_by}; "
                 "expected a share and a factor of at least 1"
             )
-        if not 0 < self.same <= self.different:
-            raise DeepringError(
-                f"drawing.same: {self.same} m, drawing.different: {self.different} m; "
-                "expected 0 < same <= different"
-            )
+        check_apart("drawing", self.same, self.different)
 
     def training_set(self, pool: TrainingPool, seed: int) -> "ScanBatchSet":
         """Batches of a pool. Raises DeepringError where it holds too few pairs."""

@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from deepring.core.turning import sectors_in, turn_rasters
-from deepring.data.pool import TrainingPool, within
+from deepring.data.pool import TrainingPool, check_apart, within
 from deepring.errors import DeepringError
 
 
@@ -59,11 +59,7 @@ class TupleSettings:
             raise DeepringError(
                 f"drawing.hard: {self.hard}, expected 0 to drawing.negatives={self.negatives}"
             )
-        if not 0 < self.same <= self.different:
-            raise DeepringError(
-                f"drawing.same: {self.same} m, drawing.different: {self.different} m; "
-                "expected 0 < same <= different"
-            )
+        check_apart("drawing", self.same, self.different)
 
     def training_set(self, pool: TrainingPool, seed: int) -> "TupleSet":
         """Tuples of a pool. Raises DeepringError where no scan has enough around it."""

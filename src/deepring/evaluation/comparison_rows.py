@@ -234,28 +234,38 @@ def _protocol(run: Run) -> dict[str, Any]:
 
 
 def _stated_datasets(runs: Iterable[Run]) -> list[list[_Stated]]:
-    """What runs state of each dataset, by its name; where it lies may go with the seed."""
+    """What runs state of each dataset, by its name; where it lies may go with the seed.
+
+    What they train on is held against each other, and so is what they test on.
+    """
     groups: dict[object, list[_Stated]] = {}
     for run in runs:
         seed = seed_of(run)
-        for node in _datasets(run):
+        for side, node in _datasets(run):
             name = node["name"]
             values = flatten({key: value for key, value in node.items() if key != "root"})
-            named = {f"data {name} {key}": value for key, value in values.items()}
+            kept = {k: v for k, v in values.items() if side == "train" or k not in _OF_TRAINING}
+            named = {f"data {name} {key}": value for key, value in kept.items()}
             root = {f"data {name} root (seed {seed})": node.get("root")}
-            groups.setdefault(name, []).append(_Stated(run.folder, seed, named))
+            groups.setdefault((side, name), []).append(_Stated(run.folder, seed, named))
             groups.setdefault((name, seed), []).append(_Stated(run.folder, seed, root))
     return list(groups.values())
 
 
-def _datasets(run: Run) -> Iterator[Mapping[str, Any]]:
-    """Those the run was trained or tested on; ``data`` stands in where a side names none."""
+#: What of a dataset matters where it is trained on, and not where it is tested on.
+_OF_TRAINING = ("spacing.train", *(f"regions.{k}" for k in ("validation_share", "margin")))
+
+
+def _datasets(run: Run) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """'train' or 'test' and the dataset; ``data`` stands in where a side names none."""
     trains = any(result.train for result in run.results)
-    sides = {side: run.config.get(side) or {} for side in ("train_data", "test_data")}
-    for nodes in sides.values():
-        yield from nodes.values()
-    if not sides["test_data"] or (trains and not sides["train_data"]):
-        yield from [node] if (node := run.config.get("data")) else []
+    for side in ("train", "test"):
+        nodes = run.config.get(f"{side}_data") or {}
+        if side == "train" and not trains:
+            continue
+        for node in nodes.values() or [run.config.get("data")]:
+            if node:
+                yield side, node
 
 
 def _own_labels(run: Run) -> set[str]:

@@ -82,6 +82,10 @@ class PathsConfig:
     outputs: str = "outputs"
     datasets: str = "outputs/datasets"
     cache: str = "outputs/cache"
+    #: Where downloads lie, for all runs of a sweep; data.root of one dataset where not given.
+    nclt: str = "???"
+    mulran: str = "???"
+    kitti: str = "???"
     #: This run's own folder, which Hydra makes.
     run: str = "???"
 
@@ -171,7 +175,8 @@ def check_config(composed: DictConfig) -> Config:
         plain = OmegaConf.to_container(composed, resolve=True)
         # Once more over the schema, since +KEY=VALUE adds what it does not know.
         checked = OmegaConf.merge(OmegaConf.structured(Config), plain)
-        missing = OmegaConf.missing_keys(checked)
+        # A download's folder is missed where a dataset lies in it, not otherwise.
+        missing = {k for k in OmegaConf.missing_keys(checked) if k.rpartition(".")[0] != "paths"}
     except OmegaConfBaseException as error:
         key = getattr(error, "full_key", None)
         first = str(error).splitlines()[0]

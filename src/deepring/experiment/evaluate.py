@@ -2,7 +2,6 @@
 
 import logging
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -68,14 +67,14 @@ class Plan:
 def plan_evaluation(
     cfg: Config,
     checkpoint: Path | None = None,
-    datasets: Sequence[PlaceDataset] | None = None,
+    datasets: build.Datasets | None = None,
     *,
     after: bool = False,
 ) -> Plan:
     """Build the methods and open the test data. Raises DeepringError on a user's mistake.
 
-    ``datasets`` are those to test on, where they are open already; ``after`` says that a network
-    is yet to be trained, so that there may be none but it.
+    ``datasets`` are the config's, where they are open already; ``after`` says that a network is
+    yet to be trained, so that there may be none but it.
     """
     network, trained_on = None, ""
     if checkpoint is not None:
@@ -88,14 +87,14 @@ def plan_evaluation(
         raise DeepringError(
             "methods: nothing to evaluate; give checkpoint=FILE or a method such as method=ring"
         )
-    datasets = build.datasets(cfg).test if datasets is None else datasets
-    splits = [d.retrieval(region) for d in datasets for region in regions_of(cfg, d)]
+    trains, tests = build.datasets(cfg) if datasets is None else datasets
+    splits = [d.retrieval(region) for d in tests for region in regions_of(cfg, d)]
     if network is None and not after and (cfg.method is None or build.learns(cfg)):
         log.info("no checkpoint=FILE given: no trained network is evaluated")
     if network is None:
         return Plan(fixed, network, trained_on, splits, set())
-    known = {d.name: d for d in datasets if d.name in trained_on.split("+")}
-    seen = [s for s in splits if s.name in known and distance_to_training(known[s.name], s) == 0]
+    known = [d for d in (*trains, *tests) if d.name in trained_on.split("+")]
+    seen = [s for s in splits if any(_holds_training(s, d) for d in known)]
     if seen and cfg.overlap != "leave_out":
         log.warning(
             "the network was trained on %s, and by this config the %s region holds training "
@@ -105,6 +104,10 @@ def plan_evaluation(
         )
         seen = []
     return Plan(fixed, network, trained_on, splits, {(s.name, s.region) for s in seen})
+
+
+def _holds_training(split: RetrievalSet, dataset: PlaceDataset) -> bool:
+    return split.name == dataset.name and distance_to_training(dataset, split) == 0
 
 
 def regions_of(cfg: Config, dataset: PlaceDataset) -> list[str]:
@@ -153,7 +156,8 @@ def adopt_settings(cfg: Config, network: NetworkMethod) -> None:
     another one for the other methods, that is said.
     """
     settings = network.settings.to_dict()
-    log.info("the network is as its checkpoint states: %s", settings)
+    if cfg.method is None or network.settings != build.network_settings(cfg):
+        log.info("the network is as its checkpoint states: %s", settings)
     own = settings["raster"]["preprocessing"]
     if own != build.preprocessing_settings(cfg):
         log.warning(
@@ -162,9 +166,8 @@ def adopt_settings(cfg: Config, network: NetworkMethod) -> None:
             own,
             build.preprocessing_settings(cfg),
         )
-    cfg.episode = cfg.drawing = None
     if not isinstance(network, DeepRing):
-        cfg.method = {"_target_": class_path(network), **settings}
+        cfg.method = {**(cfg.method or {}), "_target_": class_path(network), **settings}
         cfg.representation = cfg.encoder = cfg.aggregation = cfg.similarity = None
         return
     del settings["raster"]["preprocessing"]

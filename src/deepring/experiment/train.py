@@ -51,11 +51,12 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> Trained:
     L.seed_everything(cfg.seed, workers=True, verbose=False)
     if not build.learns(cfg):
         return _evaluate_alone(cfg, folder, latest=latest)
-    datasets, tests = build.datasets(cfg)
+    both = build.datasets(cfg)
+    datasets = both.train
     network = build.network(cfg)
     # Whatever would fail after the training fails now, before anything is written.
     if cfg.evaluate:
-        splits = plan_evaluation(cfg, datasets=tests, after=True).splits
+        splits = plan_evaluation(cfg, datasets=both, after=True).splits
         check_overlap(cfg, datasets, splits)
     datamodule = build.datamodule(cfg, datasets, network.raster)
     module = build.module(cfg, datasets, network)
@@ -77,7 +78,7 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> Trained:
     checkpoint, score = _best_checkpoint(trainer, folder)
     results = []
     if cfg.evaluate and trainer.is_global_zero:
-        results = evaluate(cfg, folder, plan_evaluation(cfg, checkpoint, tests))
+        results = evaluate(cfg, folder, plan_evaluation(cfg, checkpoint, both))
     if trainer.is_global_zero:
         seconds = timer.time_elapsed("train")
         write_status(folder, Status("finished", score=score, seconds=seconds))

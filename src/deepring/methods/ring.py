@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from deepring.core.correlation import circular_cross_correlation, shift_to_yaw
+from deepring.core.correlation import Form, circular_cross_correlation, expect_form, shift_to_yaw
 from deepring.core.radon import radon
 from deepring.core.rasters import BevRaster
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
@@ -13,15 +13,23 @@ from deepring.methods.base import Comparison, expect_raster
 class Ring:
     """Row-wise spectrum of the raw sinogram, normalised, correlated over all rotations.
 
-    The correlation is the paper's Eq. 8; the published code's variant takes the magnitude of
-    the inverse transform for each frequency. Angles leave out the end point. Raw sinogram
-    spectra repeat after half a turn, so the yaw is known modulo π only.
+    ``correlation`` is 'paper', Eq. 8, or 'published', in which the published code takes the
+    magnitude of the inverse transform for each frequency before it sums over them. Descriptors
+    are the same. Angles leave out the end point. Raw sinogram spectra repeat after half a turn,
+    so the yaw is known modulo π only.
     """
 
-    def __init__(self, raster: BevRaster | None = None, angles: int = 120, bins: int = 120) -> None:
+    def __init__(
+        self,
+        raster: BevRaster | None = None,
+        angles: int = 120,
+        bins: int = 120,
+        correlation: Form = "paper",
+    ) -> None:
         self.raster = BevRaster() if raster is None else raster
         expect_raster("RING", self.raster, BevRaster)
-        self.angles, self.bins = angles, bins
+        expect_form("ring.correlation", correlation)
+        self.angles, self.bins, self.correlation = angles, bins, correlation
 
     @torch.no_grad()
     def describe(self, rasters: Tensor) -> Tensor:
@@ -30,7 +38,7 @@ class Ring:
         return standardise_spectrum(spectrum, self.bins)
 
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
-        """Correlation a cell, in [-1, 1], and the yaw modulo π."""
-        match = circular_cross_correlation(queries, database)
+        """Correlation a cell, in [-1, 1], as published in [0, 1], and the yaw modulo π."""
+        match = circular_cross_correlation(queries, database, self.correlation)
         size = queries.shape[-2] * self.bins
         return Comparison(match.score / size, shift_to_yaw(match.shift, queries.shape[-2]))

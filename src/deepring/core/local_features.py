@@ -1,0 +1,80 @@
+"""Six features of each point's neighbourhood: what RING++ sees instead of occupancy.
+
+Xu et al. 2023, RING++ (T-RO), whose published code (lus6-Jenny/RING, `generate_bev_feats`) takes
+them from LPD-Net (Liu et al. 2019). With λ1 >= λ2 >= λ3 the eigenvalues of the covariance of a
+point's nearest neighbours, itself among them, and μ1 >= μ2 those of its part in x and y:
+
+    curvature     λ3 / (λ1 + λ2 + λ3)                        0 on a line or a plane, 1/3 in a ball
+    omnivariance  (λ1 λ2 λ3)^(1/3) / (λ1 + λ2 + λ3)          as above
+    entropy       -Σ p_i log p_i, p_i = λ_i / Σ λ            0 on a line, log 2, log 3
+    flatness      μ2 / μ1                                    0 on a wall, 1 where round from above
+    reach         largest z - smallest z
+    variance      of z
+
+None changes with a turn about z or a translation.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.special import entr
+
+#: In the order of the channels.
+FEATURES = ("curvature", "omnivariance", "entropy", "flatness", "reach", "variance")
+
+
+def local_features(points: NDArray[Any], neighbours: int = 30) -> NDArray[np.float64]:
+    """The features of each of the points (n, 3): (n, 6) float64, in the order of `FEATURES`.
+
+    Lengths are in the unit of the points. A ratio of zeros is 0, so that a point alone has zeros.
+
+    Args:
+        points: (n, 3), finite.
+        neighbours: points in a neighbourhood, itself included; all where there are fewer.
+    """
+    if not len(points):
+        return np.zeros((0, len(FEATURES)))
+    points = np.asarray(points, dtype=np.float64)
+    near = points[nearest(points, neighbours)]
+    offset = near - near.mean(axis=1, keepdims=True)
+    covariance = offset.transpose(0, 2, 1) @ offset / near.shape[1]
+    share = _shares(np.linalg.eigvalsh(covariance))
+    return np.stack(
+        [
+            share[:, 0],
+            np.cbrt(share.prod(axis=1)),
+            entr(share).sum(axis=1),
+            _flatness(covariance[:, :2, :2]),
+            np.ptp(offset[:, :, 2], axis=1),
+            covariance[:, 2, 2],
+        ],
+        axis=1,
+    )
+
+
+def nearest(points: NDArray[np.float64], neighbours: int) -> NDArray[np.int64]:
+    """Indices of the nearest points of each, itself included: (n, min(neighbours, n)) int64."""
+    count = min(neighbours, len(points))
+    _, indices = cKDTree(points).query(points, k=count)
+    found: NDArray[np.int64] = indices.reshape(len(points), count)
+    return found
+
+
+def _shares(eigenvalues: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Eigenvalues (n, 3) over their sum, in the same order; rounding may leave one below 0."""
+    positive = np.maximum(eigenvalues, 0.0)
+    return _ratio(positive, positive.sum(axis=1, keepdims=True))
+
+
+def _flatness(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The smaller over the larger eigenvalue of symmetric matrices (n, 2, 2): (n,)."""
+    mean = (covariance[:, 0, 0] + covariance[:, 1, 1]) / 2
+    spread = np.hypot((covariance[:, 0, 0] - covariance[:, 1, 1]) / 2, covariance[:, 0, 1])
+    return _ratio(np.maximum(mean - spread, 0.0), mean + spread)
+
+
+def _ratio(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Part over whole, 0 where the whole is 0."""
+    return np.divide(part, whole, out=np.zeros_like(part), where=whole > 0)

@@ -1,0 +1,72 @@
+"""`deepring compare` as a user types it: trains, evaluates, prints both tables, goes on."""
+
+from test_cli import deepring, refused
+
+from deepring.evaluation.results import read_results
+
+TINY = (
+    *("episode.ways=2", "episode.queries=1", "episode.per_epoch=2", "trainer.max_epochs=1"),
+    *("callbacks.progress=null", "trainer.log_every_n_steps=1"),
+)
+
+
+def pointed(nclt, mulran):
+    roots = {"sim_nclt": nclt, "sim_mulran": mulran}
+    return [
+        f"test_data.{name}.{key}"
+        for name, root in roots.items()
+        for key in (f"root={root}", "spacing.train=1")
+    ]
+
+
+def test_tables_come_of_one_command_and_a_second_start_trains_nothing(
+    tiny_nclt, tiny_mulran, tmp_path
+):
+    trained = [
+        *(f"train_data.sim_nclt.root={tiny_nclt}", "train_data.sim_nclt.spacing.train=1"),
+        *("train_data.sim_nclt.regions.validation_share=0.3",),
+        *("train_data.sim_nclt.regions.margin=1",),
+    ]
+    shared = [
+        *("--test", "sim_nclt,sim_mulran", "--seeds", "0"),
+        *pointed(tiny_nclt, tiny_mulran),
+    ]
+    fixed = deepring(
+        *("compare", "--learned=", "--fixed", "ring,scan_context", *shared), cwd=tmp_path
+    )
+    assert fixed.returncode == 0, fixed.stderr
+    assert "2 of 2 jobs finished" in fixed.stdout
+    learned = [
+        *("compare", "--fixed=", "--learned", "deepring_small", "--train", "sim_nclt", *shared),
+        *(*TINY, *trained),
+    ]
+    done = deepring(*learned, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    # Nobody was trained on the city, so that it is a further test set and no Table II.
+    for words in ("Table I)", "Further test sets", "RING", "DeepRING", "Costs"):
+        assert words in done.stdout
+    sweep = tmp_path / "outputs" / "sweeps" / "compare_demo"
+    (job,) = sweep.glob("method-deepring_small*")
+    places = {(r.test, r.region) for r in read_results(job / "results.csv")}
+    assert places == {("sim_nclt", "test"), ("sim_mulran", "test"), ("sim_mulran", "whole")}
+    written = {path.name for path in (sweep / "tables").iterdir()}
+    assert {"table1.md", "further.tex", "comparison.csv", "pr_curves.png"} <= written
+    again = deepring(*learned, cwd=tmp_path)
+    assert "finished before: skipped" in again.stdout
+    # The kept descriptors give the same figures without scans or network.
+    scored = deepring("score", job, "-o", "again.csv", cwd=tmp_path)
+    assert scored.returncode == 0, scored.stderr
+
+    def rates(path):
+        return {
+            (r.test, r.region, r.radius_m): (r.recall_1, r.recall_5, r.f1_max, r.auc)
+            for r in read_results(path)
+        }
+
+    assert rates(tmp_path / "again.csv") == rates(job / "results.csv")
+
+
+def test_what_cannot_be_compared_is_said(tmp_path):
+    refused(deepring("compare", "--learned=", "--fixed=", cwd=tmp_path), "both empty")
+    refused(deepring("compare", "--learned=", "--fixed", "rign", cwd=tmp_path), "rign")
+    assert not list(tmp_path.rglob("results.csv"))
