@@ -1,6 +1,7 @@
 """What learned methods share: settings that travel in checkpoints, descriptions of scans."""
 
 import importlib
+from abc import ABC, abstractmethod
 from dataclasses import fields
 from typing import Any, ClassVar, Self
 
@@ -49,7 +50,7 @@ def _plain(value: Any) -> Any:
     return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-class NetworkMethod(nn.Module):
+class NetworkMethod(nn.Module, ABC):
     """A method that is a network: rasters (b, *raster.shape) in, descriptors out.
 
     Subclasses name their settings' class, are made of such settings, and define ``forward`` and
@@ -74,9 +75,9 @@ class NetworkMethod(nn.Module):
         """The array of a scan that the network takes."""
         return self._raster
 
+    @abstractmethod
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
         """Compare descriptors (q, ...) with descriptors (d, ...)."""
-        raise NotImplementedError
 
     def score(self, queries: Tensor, database: Tensor) -> Tensor:
         """The scores of `compare` alone, (q, d)."""
