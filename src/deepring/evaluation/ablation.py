@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from deepring.evaluation.flat import frozen
 from deepring.evaluation.grid import NONE
 from deepring.evaluation.metrics import Over
 from deepring.evaluation.paper import (
@@ -21,7 +22,7 @@ from deepring.evaluation.paper import (
     paper_recall,
     paper_recall_at_ways,
 )
-from deepring.evaluation.rows import Row, Rows, Run, collect_rows, frozen, varied
+from deepring.evaluation.rows import Row, Rows, Run, collect_rows, varied
 from deepring.evaluation.tables import recall
 
 Name = Literal["table3", "table4", "ablation"]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from deepring.errors import DeepringError
+from deepring.evaluation.flat import flatten
 from deepring.evaluation.metrics import Over
 from deepring.evaluation.results import Result
 from deepring.evaluation.rows import (
@@ -20,7 +21,6 @@ from deepring.evaluation.rows import (
     Run,
     about_commits,
     clash_of,
-    flatten,
     rates,
     seed_of,
     setting_of,

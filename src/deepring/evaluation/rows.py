@@ -3,7 +3,6 @@
 Rows stand beside each other only where they were tested on the same data in the same way.
 """
 
-import json
 import math
 import re
 from collections import Counter
@@ -12,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 from deepring.errors import DeepringError
+from deepring.evaluation.flat import flatten, frozen
 from deepring.evaluation.results import Result
 
 #: The name of the trained network in the results of a training run.
@@ -146,11 +146,6 @@ def varied(rows: Sequence[Row]) -> list[str]:
     return _varied([row.setting for row in rows])
 
 
-def frozen(value: Any) -> str:
-    """A config value, or several by key, as text: equal values give equal text, 10 and 10.0 too."""
-    return json.dumps(value, sort_keys=True, default=str)
-
-
 def seed_of(run: Run) -> int:
     """The seed of its config. Raises DeepringError where that is no whole number."""
     seed = run.config.get("seed")
@@ -191,24 +186,6 @@ def _result(run: Run, radius: float) -> Result:
         f"radii evaluated there: {known}; choose one of them with --radius, or evaluate at this "
         "radius (evaluation.radii)"
     )
-
-
-def flatten(node: Any, prefix: str = "") -> dict[str, Any]:
-    """Nested dicts as one with dotted keys; null is the same as absent, 10.0 the same as 10."""
-    if not isinstance(node, Mapping):
-        return {} if node is None else {prefix: _plain(node)}
-    flat: dict[str, Any] = {}
-    for key, value in node.items():
-        flat |= flatten(value, f"{prefix}.{key}" if prefix else str(key))
-    return flat
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _rows(parts: Iterable[_Part]) -> list[Row]:

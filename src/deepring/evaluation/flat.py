@@ -1,0 +1,28 @@
+"""Configs as flat values, for comparing: one dotted key a value, and values as text."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+
+def flatten(node: Any, prefix: str = "") -> dict[str, Any]:
+    """Nested dicts as one with dotted keys; null is the same as absent, 10.0 the same as 10."""
+    if not isinstance(node, Mapping):
+        return {} if node is None else {prefix: _plain(node)}
+    flat: dict[str, Any] = {}
+    for key, value in node.items():
+        flat |= flatten(value, f"{prefix}.{key}" if prefix else str(key))
+    return flat
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def frozen(value: Any) -> str:
+    """A config value, or several by key, as text: equal values give equal text, 10 and 10.0 too."""
+    return json.dumps(value, sort_keys=True, default=str)
