@@ -162,3 +162,20 @@ def test_upsampling_with_zero_padding_keeps_theta_and_not_tau():
 def test_bad_arguments_are_named(name, arguments):
     with pytest.raises(DeepringError, match=rf"encoder\.{name}"):
         CircularConv2d(1, 1, **arguments)
+
+
+@pytest.mark.parametrize("turn", ["full", "half"])
+@pytest.mark.parametrize("tau", ["circular", "zero"])
+@pytest.mark.parametrize("pad", [1, 2])
+def test_gradients_are_those_of_the_numbers_themselves(pad, tau, turn):
+    x = image(2, 1, 3, 4).requires_grad_()
+    assert torch.autograd.gradcheck(lambda t: circular_pad(t, pad, tau, turn), x)
+    assert torch.autograd.gradcheck(lambda t: circular_upsample(t, tau, turn), x)
+
+
+def test_padding_is_the_same_for_channels_last_and_in_inference():
+    x = image(2, 3, 4, 6)
+    expected = circular_pad(x, 1)
+    assert torch.equal(circular_pad(x.to(memory_format=torch.channels_last), 1), expected)
+    with torch.inference_mode():
+        assert torch.equal(circular_pad(x, 1), expected)
