@@ -68,6 +68,28 @@ def test_batch_hard_is_its_formula_over_what_is_not_zero():
     assert float(value.parts["active"]) == pytest.approx(len(active) / 6)
 
 
+def test_all_triplets_are_the_mean_over_every_one_that_is_not_zero():
+    torch.manual_seed(1)
+    places = torch.tensor([0, 0, 0, 1, 1, 2])
+    vectors = torch.rand(6, 4, dtype=torch.float64) + 0.3 * places[:, None]
+    same = (places[:, None] == places[None]) & ~torch.eye(6, dtype=torch.bool)
+    different = places[:, None] != places[None]
+    apart = torch.cdist(vectors, vectors)
+    hinges = [
+        max(0.0, float(0.2 + apart[a, p] - apart[a, n]))
+        for a, p, n in itertools.product(range(6), repeat=3)
+        if same[a, p] and different[a, n]
+    ]
+    active = [h for h in hinges if h > 0]
+    assert 0 < len(active) < len(hinges)
+    value = BatchHardTriplet(0.2, "all")(vectors, same, different)
+    assert float(value.loss) == pytest.approx(sum(active) / len(active), abs=1e-6)
+    assert float(value.parts["active"]) == pytest.approx(len(active) / len(hinges))
+    hardest = BatchHardTriplet(0.2)(vectors, same, different)
+    assert float(hardest.loss) != pytest.approx(float(value.loss), abs=1e-3)
+    assert float(hardest.accuracy) == float(value.accuracy)
+
+
 def test_batch_hard_has_gradients_where_descriptors_coincide():
     vectors = torch.zeros(4, 3, requires_grad=True)
     pairs = torch.tensor([0, 0, 1, 1])
@@ -110,5 +132,7 @@ def test_margins_that_are_none_are_refused():
         LazyQuadruplet(second_margin=0)
     with pytest.raises(DeepringError, match=r"loss\.margin: -1"):
         BatchHardTriplet(-1)
+    with pytest.raises(DeepringError, match=r"loss\.mining: 'some'"):
+        BatchHardTriplet(mining="some")
     with pytest.raises(DeepringError, match=r"loss\.positive: 'both'"):
         LazyQuadruplet(positive="both")

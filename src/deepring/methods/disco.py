@@ -84,9 +84,12 @@ class Disco(NetworkMethod):
         yaw = torch.full_like(score, torch.nan)
         for k, query in enumerate(queries):  # the maps of one query's entries at a time
             nearest = _nearest(score[k], count)
-            shift = phase_correlation(query, database[nearest]).shift
-            yaw[k, nearest] = shift_to_yaw(shift, query.shape[-2])
+            yaw[k, nearest] = self.align(query, database[nearest])
         return Comparison(score, yaw)
+
+    def align(self, query: Tensor, entries: Tensor) -> Tensor:
+        """Yaw (d,) of one query (θ, r) to each entry (d, θ, r), by phase correlation."""
+        return shift_to_yaw(phase_correlation(query, entries).shift, query.shape[-2])
 
 
 def _nearest(score: Tensor, count: int | None) -> Tensor:

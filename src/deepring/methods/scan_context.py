@@ -30,19 +30,27 @@ class ScanContext:
 
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
         """1 - distance: the mean cosine over columns that are non-empty in both."""
-        q_columns, q_filled = _unit_columns(queries)
-        d_columns, d_filled = _unit_columns(database)
-        cosines = correlation_curves(q_columns, d_columns)
-        shared = correlation_curves(q_filled, d_filled).round()
-        mean = torch.where(shared > 0, cosines / shared.clamp_min(1.0), 0.0)
-        score, shift = mean.max(dim=-1)
+        curves = mean_cosines(*unit_columns(queries), *unit_columns(database))
+        score, shift = curves.max(dim=-1)
         if self.candidates is not None and self.candidates < len(database):
             keep = _nearest_ring_keys(queries, database, self.candidates)
             score = torch.where(keep, score, torch.full_like(score, -1.0))
         return Comparison(score, shift_to_yaw(shift, queries.shape[-2]))
 
 
-def _unit_columns(context: Tensor) -> tuple[Tensor, Tensor]:
+def mean_cosines(columns: Tensor, filled: Tensor, others: Tensor, others_filled: Tensor) -> Tensor:
+    """Mean cosine over the columns filled in both, for all pairs and column shifts: (q, d, θ)."""
+    cosines = correlation_curves(columns, others)
+    shared = correlation_curves(filled, others_filled).round()
+    return torch.where(shared > 0, cosines / shared.clamp_min(1.0), 0.0)
+
+
+def ring_keys(context: Tensor) -> Tensor:
+    """Mean over sectors of contexts (n, sectors, rings): (n, rings)."""
+    return context.float().mean(dim=-2)
+
+
+def unit_columns(context: Tensor) -> tuple[Tensor, Tensor]:
     """Columns at unit norm, and which are non-empty: (n, sectors, rings), (n, sectors, 1)."""
     norm = torch.linalg.vector_norm(context, dim=-1, keepdim=True)
     filled = norm > 0
@@ -53,6 +61,6 @@ def _nearest_ring_keys(queries: Tensor, database: Tensor, count: int) -> Tensor:
     """Which entries (q, d) are among the ``count`` nearest in the mean over sectors (L2)."""
     # Without matrix products, whose cancellation confuses keys that are close.
     exact = "donot_use_mm_for_euclid_dist"
-    distance = torch.cdist(queries.mean(dim=-2), database.mean(dim=-2), compute_mode=exact)
+    distance = torch.cdist(ring_keys(queries), ring_keys(database), compute_mode=exact)
     nearest = distance.topk(count, largest=False).indices
     return torch.zeros_like(distance, dtype=torch.bool).scatter_(1, nearest, True)

@@ -52,7 +52,7 @@ class Triplet(nn.Module):
     def __init__(self, margin: float = 0.5, mining: Mining = "hardest") -> None:
         super().__init__()
         self.margin = _positive("loss.margin", margin)
-        self.mining = _known("loss.mining", mining)
+        self.mining = expect_mining("loss.mining", mining)
 
     def forward(
         self, queries: Tensor, support: Tensor, targets: Tensor, score: Score
@@ -119,7 +119,8 @@ def _positive(name: str, value: float) -> float:
     return value
 
 
-def _known(name: str, mining: Mining) -> Mining:
+def expect_mining(name: str, mining: Mining) -> Mining:
+    """Raise DeepringError where ``mining`` is no `Mining`."""
     if mining not in get_args(Mining):
         raise DeepringError(f"{name}: {mining!r}, expected 'hardest' or 'all'")
     return mining

@@ -8,6 +8,7 @@ from torch import Tensor, nn
 
 from deepring.core.phase import phase_curves
 from deepring.errors import DeepringError
+from deepring.training.losses import Mining, expect_mining
 
 Positive = Literal["nearest", "farthest"]
 """Which of a tuple's positives counts."""
@@ -80,14 +81,16 @@ class BatchHardTriplet(nn.Module):
     """[margin + max d(a, p) - min d(a, n)]₊, the hardest positive and negative of each scan.
 
     d is the Euclidean distance. The mean is over triplets that are not zero, as in
-    pytorch-metric-learning's reducer, which EgoNN takes (jac99/Egonn, models/loss.py).
+    pytorch-metric-learning's reducer, which EgoNN takes (jac99/Egonn, models/loss.py). From
+    random weights hardest triplets may pull all descriptors into one point and hold them there;
+    ``mining='all'`` takes all triplets of the batch.
     """
 
-    def __init__(self, margin: float = 0.2) -> None:
+    def __init__(self, margin: float = 0.2, mining: Mining = "hardest") -> None:
         super().__init__()
         if not margin > 0:
             raise DeepringError(f"loss.margin: {margin}, expected more than 0")
-        self.margin = margin
+        self.margin, self.mining = margin, expect_mining("loss.mining", mining)
 
     def forward(self, vectors: Tensor, same: Tensor, different: Tensor) -> TupleLoss:
         """Of vectors (b, d) and masks (b, b) bool; scans without either count for nothing."""
@@ -96,11 +99,15 @@ class BatchHardTriplet(nn.Module):
         usable = same.any(dim=1) & different.any(dim=1)
         own = apart.masked_fill(~same, -torch.inf).amax(dim=1)[usable]
         wrong = apart.masked_fill(~different, torch.inf).amin(dim=1)[usable]
-        violation = (self.margin + own - wrong).clamp_min(0)
+        violation = self.margin + own - wrong
+        if self.mining == "all":
+            triplets = same[:, :, None] & different[:, None, :]
+            violation = (self.margin + apart[:, :, None] - apart[:, None, :])[triplets]
+        violation = violation.clamp_min(0)
         active = violation > 0
         loss = violation.sum() / active.sum().clamp_min(1)
         share = active.float().mean() if len(active) else vectors.new_zeros(())
-        accuracy = (own < wrong).float().mean() if len(active) else vectors.new_zeros(())
+        accuracy = (own < wrong).float().mean() if len(own) else vectors.new_zeros(())
         return TupleLoss(loss, accuracy.detach(), {"active": share})
 
 

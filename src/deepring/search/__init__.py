@@ -1,0 +1,1 @@
+"""Looking places up: exhaustive and two-stage search over maps of up to millions of places."""

@@ -1,0 +1,88 @@
+"""A short code of a place whose comparison needs no search over rotations.
+
+The correlation over rotations α of two descriptors is Σ_k exp(ikα) c_k, c_k = Σ_ω Q(k, ω) conj
+D(k, ω) over θ-frequencies k. Its maximum is at most Σ_k |c_k|, which no rotation changes. A code
+keeps the lowest frequencies and, for each, the first principal components over ω, as int8; the
+bound computed from codes sorts places well enough that exact correlation of the best few hundred
+finds the best of all.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from deepring.core.correlation import theta_spectrum
+from deepring.errors import DeepringError
+
+
+@dataclass(frozen=True)
+class CodeSettings:
+    """Size of a code: 2 · frequencies · components bytes."""
+
+    frequencies: int = 16
+    components: int = 16
+
+    def __post_init__(self) -> None:
+        for name in ("frequencies", "components"):
+            if getattr(self, name) < 1:
+                raise DeepringError(f"code.{name}: {getattr(self, name)}, expected at least 1")
+
+
+class Code(NamedTuple):
+    """How descriptors are made codes of."""
+
+    basis: Tensor
+    """(ω, p) orthonormal float32, principal directions of the rows of descriptors."""
+    step: Tensor
+    """(p, k) float32: the value of one int8 step."""
+    rows: int
+    """θ of the descriptors."""
+
+    def encode(self, descriptors: Tensor) -> Tensor:
+        """Codes (n, p, 2, k) int8 of descriptors (n, θ, ω)."""
+        return (self._project(descriptors) / self.step[:, None]).round().clamp(-127, 127).char()
+
+    def queries(self, descriptors: Tensor) -> Tensor:
+        """Queries (q, p, 2, k) float32 that codes are scored with."""
+        # Frequencies other than 0 and θ / 2 occur twice; the inverse DFT divides by θ.
+        weight = torch.full((self.step.shape[1],), 2.0 / self.rows, device=descriptors.device)
+        weight[0] = 1.0 / self.rows
+        if 2 * (len(weight) - 1) == self.rows:
+            weight[-1] = 1.0 / self.rows
+        return (self._project(descriptors) * self.step[:, None] * weight).contiguous()
+
+    def _project(self, descriptors: Tensor) -> Tensor:
+        spectrum = theta_spectrum(descriptors)[:, : self.step.shape[1]]
+        planes = torch.view_as_real(spectrum)  # (n, k, ω, 2)
+        return torch.einsum("nkwc,wp->npck", planes, self.basis)
+
+
+def fit_code(descriptors: Tensor, settings: CodeSettings) -> Code:
+    """A code for descriptors like these (n, θ, ω); smaller where they have less to give."""
+    rows, columns = descriptors.shape[1:]
+    frequencies = min(settings.frequencies, rows // 2 + 1)
+    components = min(settings.components, columns)
+    samples = descriptors.flatten(0, 1).double()
+    _, directions = torch.linalg.eigh(samples.T @ samples)  # ascending
+    basis = directions.flip(-1)[:, :components].float().contiguous()
+    unscaled = Code(basis, torch.ones(components, frequencies, device=basis.device), rows)
+    magnitudes = unscaled._project(descriptors).abs().permute(1, 3, 0, 2).flatten(2)
+    # One value in a thousand is cut off, so that outliers do not coarsen the rest.
+    largest = magnitudes.sort(dim=-1).values[..., int(0.999 * (magnitudes.shape[-1] - 1))]
+    return Code(basis, largest.clamp_min(1e-30) / 127, rows)
+
+
+def code_scores(queries: Tensor, codes: Tensor) -> Tensor:
+    """Σ_k |c_k| (q, n) float32 of queries (q, p, 2, k) float32 with codes (n, p, 2, k) int8."""
+    if queries.device.type == "cpu":
+        from deepring.search import _kernels
+
+        out = torch.empty(len(queries), len(codes))
+        _kernels.code_scores(queries.numpy(), codes.numpy(), out.numpy())
+        return out
+    complex_queries = torch.complex(queries[:, :, 0], queries[:, :, 1]).permute(2, 0, 1)
+    planes = codes.float()
+    complex_codes = torch.complex(planes[:, :, 0], -planes[:, :, 1]).permute(2, 1, 0)
+    return torch.bmm(complex_queries, complex_codes).abs().sum(dim=0)

@@ -1,0 +1,49 @@
+"""Search by a method's own comparison, for methods that no faster index is made for."""
+
+import torch
+from torch import Tensor
+
+from deepring.errors import DeepringError
+from deepring.methods.base import Method
+from deepring.search.hits import Best, Hits
+from deepring.search.rows import Rows
+
+#: Places that are compared at once.
+_CHUNK = 1024
+
+
+class CompareIndex:
+    """Exhaustive search by `Method.compare`, chunk by chunk."""
+
+    def __init__(self, method: Method) -> None:
+        self.method = method
+        self.places = Rows()
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def add(self, descriptors: Tensor) -> None:
+        """Add places."""
+        self.places.add({"descriptor": descriptors})
+
+    def search(self, queries: Tensor, k: int = 1) -> Hits:
+        """The ``k`` most alike places."""
+        if k < 1:
+            raise DeepringError(f"k: {k}, expected at least 1")
+        best = Best(len(queries), k, queries.device)
+        for start, (part,) in self.places.chunks(_CHUNK, "descriptor"):
+            score = self.method.compare(queries, part).score
+            best.see(score, torch.arange(start, start + len(part), device=score.device))
+        return Hits(best.place, best.score, self._yaws(queries, best.place))
+
+    def _yaws(self, queries: Tensor, places: Tensor) -> Tensor | None:
+        """Of the places found alone, since some methods align but a few."""
+        yaws = []
+        for query, place in zip(queries, places, strict=True):
+            if not len(place):
+                continue
+            yaw = self.method.compare(query[None], self.places.take(place, "descriptor")[0]).yaw
+            if yaw is None:
+                return None
+            yaws.append(yaw)
+        return torch.cat(yaws) if yaws else None

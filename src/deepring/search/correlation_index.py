@@ -1,0 +1,228 @@
+"""Search by circular cross-correlation: of all places, or of the best by a short code."""
+
+import math
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from deepring.core.correlation import shift_to_yaw
+from deepring.errors import DeepringError
+from deepring.search.code import Code, CodeSettings, code_scores, fit_code
+from deepring.search.hits import Best, Hits
+from deepring.search.rows import Rows
+from deepring.search.shards import read_header, read_shards, write_header, write_shard
+from deepring.search.spectra import (
+    Precision,
+    Spectra,
+    best_shift,
+    encode,
+    expect_precision,
+    spectrum_planes,
+)
+
+#: Floats of correlation curves that are held at once; with their spectra they stay in the cache.
+_CURVES = 2**17
+
+#: Places whose codes are scored at once.
+_CODES = 65_536
+
+_SPECTRA = ("values", "scale")
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """How places are kept and looked up."""
+
+    precision: Precision = "float32"
+    code: CodeSettings | None = field(default_factory=CodeSettings)
+    """None keeps no codes: every search is exhaustive."""
+    exhaustive_below: int = 20_000
+    """Places up to which all are compared."""
+    candidates: int = 500
+    """Places that the codes leave for exact comparison."""
+    candidate_share: float = 0.005
+    """The same as a share of all places; the larger of the two counts."""
+
+    def __post_init__(self) -> None:
+        expect_precision("search.precision", self.precision)
+        if self.candidates < 1 or self.exhaustive_below < 0 or not 0 <= self.candidate_share <= 1:
+            raise DeepringError(
+                f"search.candidates: {self.candidates}, search.exhaustive_below: "
+                f"{self.exhaustive_below}, search.candidate_share: {self.candidate_share}; "
+                "expected at least 1, at least 0, and a share in [0, 1]"
+            )
+
+
+class CorrelationIndex:
+    """Places by the θ-spectra of their descriptors (n, θ, ω), searched by Eq. 8.
+
+    Args:
+        settings: precision, codes and candidates.
+        period: the range of θ, radians.
+        cells: what scores are divided by.
+        device: where places lie and are searched.
+    """
+
+    def __init__(
+        self,
+        settings: SearchSettings | None = None,
+        *,
+        period: float = 2 * math.pi,
+        cells: float = 1.0,
+        device: torch.device | str = "cpu",
+    ) -> None:
+        self.settings = SearchSettings() if settings is None else settings
+        self.period, self.cells, self.device = period, cells, torch.device(device)
+        self.places = Rows()
+        self.code: Code | None = None
+        self.shape: tuple[int, int] | None = None
+        self._folder: Path | None = None
+        self._kept = 0  # blocks of places that lie in that folder
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def add(self, descriptors: Tensor) -> None:
+        """Add places. The code is made for the first ones added and kept for those that follow."""
+        descriptors = self._checked(descriptors)
+        if not len(descriptors):
+            return
+        spectra = encode(descriptors, self.settings.precision)
+        rows = {"values": spectra.values, "scale": spectra.scale}
+        if self.settings.code is not None:
+            if self.code is None:
+                self.code = fit_code(descriptors, self.settings.code)
+            rows["code"] = self.code.encode(descriptors)
+        self.places.add(rows)
+
+    def search(self, queries: Tensor, k: int = 1, *, exhaustive: bool | None = None) -> Hits:
+        """The ``k`` places of the largest correlation, with the turn from place to query.
+
+        Args:
+            queries: descriptors (q, θ, ω).
+            k: places wanted.
+            exhaustive: compare all places; by default up to ``exhaustive_below`` of them.
+        """
+        if k < 1:
+            raise DeepringError(f"k: {k}, expected at least 1")
+        queries = self._checked(queries)
+        if exhaustive is None:
+            exhaustive = self.code is None or len(self) <= self.settings.exhaustive_below
+        if exhaustive:
+            best = self._among_all(spectrum_planes(queries), k)
+        elif self.code is None:
+            raise DeepringError("exhaustive: False, but the index keeps no codes; set search.code")
+        else:
+            best = self._among_candidates(queries, self.code, k)
+        yaw = shift_to_yaw(best.shift, queries.shape[-2], self.period)
+        return Hits(best.place, best.score / self.cells, yaw)
+
+    def candidates(self, queries: Tensor, code: Code) -> Tensor:
+        """The places (q, c) int64 that the codes put first, in no order."""
+        share = math.ceil(self.settings.candidate_share * len(self))
+        best = Best(len(queries), max(self.settings.candidates, share), self.device)
+        planes = code.queries(queries)
+        scores = [code_scores(planes, codes) for _, (codes,) in self.places.chunks(_CODES, "code")]
+        every = torch.cat(scores, dim=1)
+        best.see(every, torch.arange(len(self), device=self.device))
+        return best.place
+
+    def _among_all(self, planes: Tensor, k: int) -> Best:
+        best = Best(len(planes), k, self.device)
+        size = max(16, _CURVES // (len(planes) * self._rows))
+        for start, part in self.places.chunks(size, *_SPECTRA):
+            score, shift = best_shift(planes, Spectra(*part), self._rows)
+            place = torch.arange(start, start + score.shape[1], device=self.device)
+            best.see(score, place, shift)
+        return best
+
+    def _among_candidates(self, queries: Tensor, code: Code, k: int) -> Best:
+        places = self.candidates(queries, code).sort(dim=1).values
+        planes = spectrum_planes(queries)
+        best = Best(len(queries), k, self.device)
+        found = [
+            best_shift(plane[None], Spectra(*self.places.take(place, *_SPECTRA)), self._rows)
+            for plane, place in zip(planes, places, strict=True)
+        ]
+        best.see(torch.cat([f[0] for f in found]), places, torch.cat([f[1] for f in found]))
+        return best
+
+    def save(self, folder: Path | str) -> None:
+        """Write the places to a folder and go on with them memory-mapped from there.
+
+        Places that lie there already are neither read nor rewritten: save after each lot of
+        places to build an index larger than memory, or to add to one. Raises DeepringError where
+        the folder holds another index.
+        """
+        folder = Path(folder)
+        blocks = self.places.blocks()
+        kept = self._kept if folder == self._folder else 0
+        if kept == 0 and folder.is_dir() and any(folder.iterdir()):
+            raise DeepringError(
+                f"index {folder}: holds files already; expected a folder that is empty or new, or "
+                "the one that this index was opened from"
+            )
+        for number, block in enumerate(blocks[kept:], start=kept):
+            write_shard(folder, number, block)
+        tensors = {} if self.code is None else {"basis": self.code.basis, "step": self.code.step}
+        values = {
+            "settings": asdict(self.settings),
+            "period": self.period,
+            "cells": self.cells,
+            "shape": self.shape,
+        }
+        lengths = [len(block["values"]) for block in blocks]
+        write_header(folder, tensors, values, lengths)
+        self._attach(folder, lengths)
+
+    @classmethod
+    def open(cls, folder: Path | str) -> "CorrelationIndex":
+        """Open what `save` wrote, memory-mapped. Raises DeepringError for anything else."""
+        folder = Path(folder)
+        tensors, header = read_header(folder)
+        try:
+            settings = dict(header["settings"])
+            code = settings.pop("code")
+            code = None if code is None else CodeSettings(**code)
+            index = cls(
+                SearchSettings(code=code, **settings),
+                period=header["period"],
+                cells=header["cells"],
+            )
+            index.shape = None if header["shape"] is None else tuple(header["shape"])
+            if tensors:
+                index.code = Code(tensors["basis"], tensors["step"], index._rows)
+            index._attach(folder, header["lengths"])
+        except (KeyError, TypeError) as error:
+            raise DeepringError(
+                f"index {folder}: its header lacks {error}; write it again"
+            ) from error
+        return index
+
+    def _attach(self, folder: Path, lengths: list[int]) -> None:
+        self.places = Rows()
+        for block in read_shards(folder, lengths):
+            self.places.attach({name: value.to(self.device) for name, value in block.items()})
+        self._folder, self._kept = folder, len(lengths)
+
+    @property
+    def _rows(self) -> int:
+        assert self.shape is not None
+        return self.shape[0]
+
+    def _checked(self, descriptors: Tensor) -> Tensor:
+        if descriptors.ndim != 3:
+            raise DeepringError(
+                f"descriptors: shape {tuple(descriptors.shape)}, expected (n, θ, ω)"
+            )
+        shape = (descriptors.shape[1], descriptors.shape[2])
+        if self.shape is None:
+            self.shape = shape
+        if shape != self.shape:
+            raise DeepringError(
+                f"descriptors: {shape[0]} x {shape[1]}, but the places are {self.shape[0]} x "
+                f"{self.shape[1]}; describe both by one method"
+            )
+        return descriptors.to(self.device, torch.float32)

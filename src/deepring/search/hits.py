@@ -1,0 +1,59 @@
+"""What a search finds, and keeping the best of it while it goes through the places."""
+
+from typing import NamedTuple, Protocol
+
+import torch
+from torch import Tensor
+
+
+class Hits(NamedTuple):
+    """The best places of each query, best first."""
+
+    place: Tensor
+    """(q, k) int64: places by the order in which they were added."""
+    score: Tensor
+    """(q, k) float32; higher is more alike."""
+    yaw: Tensor | None
+    """(q, k) float32 radians, the turn of the points from place to query; None if not known."""
+
+
+class Index(Protocol):
+    """Places that can be searched and added to."""
+
+    def __len__(self) -> int: ...
+
+    def add(self, descriptors: Tensor) -> None:
+        """Add places by their descriptors (n, ...)."""
+        ...
+
+    def search(self, queries: Tensor, k: int = 1) -> Hits:
+        """The ``k`` most alike places, or all where there are fewer, of queries (q, ...)."""
+        ...
+
+
+class Best:
+    """The ``k`` best of what has been seen. Of equal scores the place that was first stays."""
+
+    def __init__(self, queries: int, k: int, device: torch.device | None = None) -> None:
+        self.k = k
+        self.score = torch.empty(queries, 0, device=device)
+        self.place = torch.empty(queries, 0, dtype=torch.int64, device=device)
+        self.shift = torch.empty(queries, 0, dtype=torch.int64, device=device)
+
+    def see(self, score: Tensor, place: Tensor, shift: Tensor | None = None) -> None:
+        """Further scores (q, n) of places (n,) or (q, n), later ones than before."""
+        if score.shape[1] > self.k:
+            score, kept = score.topk(self.k, dim=1)
+            place = place[kept] if place.ndim == 1 else place.gather(1, kept)
+            shift = None if shift is None else shift.gather(1, kept)
+        place = place.expand_as(score)
+        shift = torch.zeros_like(place) if shift is None else shift
+        score = torch.cat([self.score, score], dim=1)
+        place = torch.cat([self.place, place], dim=1)
+        shift = torch.cat([self.shift, shift], dim=1)
+        # Places first, scores second: a stable order that does not depend on the chunks.
+        order = place.argsort(dim=1)
+        order = order.gather(1, score.gather(1, order).argsort(dim=1, descending=True, stable=True))
+        order = order[:, : self.k]
+        self.score = score.gather(1, order)
+        self.place, self.shift = place.gather(1, order), shift.gather(1, order)

@@ -1,0 +1,233 @@
+"""Exact search against the double sum of Eq. 8; precisions; two stages; growth and files."""
+
+import math
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from deepring.core.correlation import circular_cross_correlation, unit_norm
+from deepring.errors import DeepringError
+from deepring.search.code import CodeSettings, code_scores, fit_code
+from deepring.search.correlation_index import CorrelationIndex, SearchSettings
+from deepring.search.spectra import (
+    LANES,
+    _batched,
+    _compiled,
+    best_shift,
+    encode,
+    spectrum_planes,
+)
+
+PRECISIONS = ["float32", "bfloat16", "int8"]
+EXHAUSTIVE = SearchSettings(code=None)
+
+
+def maps(n, rows=12, cols=7, seed=0):
+    generator = torch.Generator().manual_seed(seed)
+    return unit_norm(torch.rand(n, rows, cols, generator=generator) ** 3)
+
+
+def index_of(database, settings=EXHAUSTIVE, **arguments):
+    index = CorrelationIndex(settings, **arguments)
+    index.add(database)
+    return index
+
+
+def brute_force(queries, database):
+    """Σ_θω Q(θ + α, ω) D(θ, ω) by loops over pairs and shifts, in double precision."""
+    rows = queries.shape[1]
+    curves = torch.empty(len(queries), len(database), rows, dtype=torch.float64)
+    for i, query in enumerate(queries.double()):
+        for j, entry in enumerate(database.double()):
+            for alpha in range(rows):
+                curves[i, j, alpha] = (query.roll(-alpha, dims=0) * entry).sum()
+    return curves
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(1, 4), st.integers(1, 9), st.integers(2, 13), st.integers(1, 20))
+def test_float32_agrees_with_the_double_sum_yaw_included(q, d, rows, cols):
+    queries, database = maps(q, rows, cols, 1), maps(d, rows, cols, 2)
+    curves = brute_force(queries, database)
+    hits = index_of(database).search(queries, k=d)
+    score = curves.amax(dim=-1)
+    assert torch.allclose(hits.score.double(), score.gather(1, hits.place), atol=1e-5)
+    assert torch.equal(hits.score, hits.score.sort(dim=1, descending=True).values)
+    # The yaw is that of a best shift: the curve there is within rounding of the maximum.
+    steps = torch.round(hits.yaw / (2 * math.pi) * rows).long() % rows
+    reached = curves.gather(1, hits.place[..., None].expand(-1, -1, rows))
+    at_yaw = reached.gather(2, steps[..., None])[..., 0]
+    assert torch.allclose(at_yaw, score.gather(1, hits.place), atol=1e-5)
+
+
+def test_yaw_turns_the_place_onto_the_query():
+    database = maps(20, rows=24)
+    hits = index_of(database).search(database[7:8].roll(5, dims=1))
+    assert hits.place.item() == 7
+    assert hits.yaw.item() == pytest.approx(5 * 2 * math.pi / 24)  # not -5, its mirror
+    half = index_of(database, period=math.pi).search(database[7:8].roll(5, dims=1))
+    assert half.yaw.item() == pytest.approx(5 * math.pi / 24)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_precisions_stay_within_their_steps(precision):
+    queries, database = maps(6, 60, 31, 1), maps(300, 60, 31, 2)
+    exact = circular_cross_correlation(queries, database)
+    found = index_of(database, SearchSettings(precision, code=None)).search(queries, k=300)
+    bound = {"float32": 1e-5, "bfloat16": 4e-3, "int8": 4e-3}[precision]
+    error = (found.score - exact.score.gather(1, found.place)).abs().max()
+    assert error < bound
+    if precision != "float32":
+        assert error > 1e-6  # or nothing was rounded
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_compiled_and_torch_forms_agree(precision):
+    spectra = encode(maps(17, 10, 5), precision)
+    queries = spectrum_planes(maps(3, 10, 5, seed=9))
+    assert spectra.values.shape == (17, 6, 2, LANES)
+    compiled, batched = _compiled(queries, spectra.values), _batched(queries, spectra.values)
+    atol = 1e-5 * float(compiled.abs().max())
+    if precision == "bfloat16":  # the torch form multiplies as on a GPU, in float32 on a CPU
+        assert spectra.values.dtype == torch.bfloat16
+    assert torch.allclose(compiled, batched, atol=atol)
+
+
+def test_best_shift_takes_int8_scales_into_account():
+    database = maps(5) * torch.tensor([1.0, 10.0, 100.0, 1e3, 1e-3])[:, None, None]
+    score, _ = best_shift(spectrum_planes(maps(2, seed=3)), encode(database, "int8"), 12)
+    exact = circular_cross_correlation(maps(2, seed=3), database).score
+    assert torch.allclose(score, exact, rtol=1e-2)
+
+
+def test_two_stages_find_what_all_comparisons_find():
+    database = maps(3000, 20, 9)
+    queries = (database[::100] + 0.02 * maps(30, 20, 9, 5)).roll(3, dims=1)
+    index = index_of(database, SearchSettings(candidates=40, candidate_share=0.0))
+    exact = index.search(queries, k=3, exhaustive=True)
+    quick = index.search(queries, k=3, exhaustive=False)
+    assert torch.equal(quick.place[:, 0], exact.place[:, 0])
+    assert torch.allclose(quick.score[:, 0], exact.score[:, 0], atol=1e-6)
+    assert torch.equal(quick.yaw[:, 0], exact.yaw[:, 0])
+    few = index_of(database, SearchSettings(candidates=1, candidate_share=0.0))
+    assert few.candidates(queries, few.code).shape == (30, 1)
+
+
+def test_the_code_is_a_bound_that_no_rotation_changes():
+    database, queries = maps(40, 16, 6), maps(4, 16, 6, 8)
+    code = fit_code(database, CodeSettings(frequencies=9, components=6))  # all of them
+    planes = code.queries(queries)
+    scores = code_scores(planes, code.encode(database))
+    best = circular_cross_correlation(queries, database).score
+    assert (scores >= best - 0.01).all()
+    turned = code_scores(code.queries(queries.roll(5, dims=1)), code.encode(database))
+    assert torch.allclose(turned, scores, atol=1e-5)
+    # The size of the sum of all frequencies is no such bound: it knows one rotation only.
+    unturned = (queries[:, None] * database[None]).sum(dim=(-2, -1)).abs()
+    assert (unturned < best - 0.01).any()
+
+
+def test_code_scores_against_complex_arithmetic():
+    code = fit_code(maps(30, 10, 6), CodeSettings(4, 3))
+    codes, planes = code.encode(maps(30, 10, 6)), code.queries(maps(2, 10, 6, 4))
+    q = torch.complex(planes[:, :, 0], planes[:, :, 1])
+    d = torch.complex(codes[:, :, 0].float(), codes[:, :, 1].float())
+    expected = torch.einsum("qpk,npk->qnk", q, d.conj()).abs().sum(dim=-1)
+    assert codes.shape == (30, 3, 2, 4)
+    assert torch.allclose(code_scores(planes, codes), expected, rtol=1e-5)
+
+
+def test_the_size_decides_which_search_it_is():
+    database, queries = maps(50), maps(5, seed=3)
+    index = index_of(database, SearchSettings(candidates=1, candidate_share=0, exhaustive_below=50))
+    assert index.search(queries, k=4).place.shape == (5, 4)
+    index.add(maps(1, seed=9))
+    assert index.search(queries, k=4).place.shape == (5, 1)  # all that one candidate gives
+    assert index.search(queries, k=4, exhaustive=True).place.shape == (5, 4)
+
+
+def test_places_added_one_by_one_are_those_added_at_once():
+    database, queries = maps(70), maps(4, seed=2)
+    whole, grown = index_of(database), CorrelationIndex(EXHAUSTIVE)
+    for entry in database:
+        grown.add(entry[None])
+    assert len(grown) == 70
+    assert torch.equal(grown.search(queries, 70).place, whole.search(queries, 70).place)
+
+
+def test_of_equal_places_the_first_is_named():
+    database = maps(1).expand(500, -1, -1)
+    hits = index_of(database).search(database[:1], k=3)
+    assert hits.place.tolist() == [[0, 1, 2]]
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_saved_and_opened_it_finds_the_same_and_grows(tmp_path, precision):
+    database, queries = maps(30), maps(4, seed=2)
+    index = index_of(
+        database, SearchSettings(precision, CodeSettings(4, 4)), period=math.pi, cells=2
+    )
+    before = index.search(queries, 5)
+    index.save(tmp_path / "map")
+    opened = CorrelationIndex.open(tmp_path / "map")
+    assert opened.settings == index.settings
+    for held in (index, opened):
+        after = held.search(queries, 5)
+        assert torch.equal(after.place, before.place)
+        assert torch.equal(after.score, before.score)
+        assert torch.equal(after.yaw, before.yaw)
+    first = (tmp_path / "map" / "00000.safetensors").read_bytes()
+    opened.add(queries)
+    opened.save(tmp_path / "map")
+    assert (tmp_path / "map" / "00000.safetensors").read_bytes() == first
+    again = CorrelationIndex.open(tmp_path / "map")
+    assert len(again) == 34
+    assert again.search(queries).place[:, 0].tolist() == [30, 31, 32, 33]
+    assert again.search(queries, exhaustive=False).place[:, 0].tolist() == [30, 31, 32, 33]
+
+
+def test_no_places_give_no_hits():
+    hits = CorrelationIndex().search(maps(2), k=3)
+    assert hits.place.shape == hits.score.shape == hits.yaw.shape == (2, 0)
+
+
+def test_mistakes_are_named(tmp_path):
+    index = index_of(maps(5))
+    with pytest.raises(DeepringError, match="12 x 6, but the places are 12 x 7"):
+        index.search(maps(1, cols=6))
+    with pytest.raises(DeepringError, match=r"expected \(n, θ, ω\)"):
+        index.add(maps(5)[0])
+    with pytest.raises(DeepringError, match="k: 0"):
+        index.search(maps(1), k=0)
+    with pytest.raises(DeepringError, match="keeps no codes"):
+        index.search(maps(1), exhaustive=False)
+    with pytest.raises(DeepringError, match=r"search\.precision: 'float16'"):
+        SearchSettings("float16")
+    with pytest.raises(DeepringError, match=r"code\.components: 0"):
+        CodeSettings(components=0)
+    with pytest.raises(DeepringError, match=r"search\.candidates: 0"):
+        SearchSettings(candidates=0)
+    with pytest.raises(DeepringError, match=r"no index\.safetensors"):
+        CorrelationIndex.open(tmp_path)
+    (tmp_path / "note.txt").write_text("mine")
+    with pytest.raises(DeepringError, match="holds files already"):
+        index.save(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["note.txt"]
+
+
+def test_damaged_files_are_named(tmp_path):
+    index_of(maps(5)).save(tmp_path / "map")
+    shard = tmp_path / "map" / "00000.safetensors"
+    whole = shard.read_bytes()
+    shard.write_bytes(whole[:-9])
+    with pytest.raises(DeepringError, match=r"00000\.safetensors.*cut short"):
+        CorrelationIndex.open(tmp_path / "map")
+    shard.unlink()
+    with pytest.raises(DeepringError, match=r"00000\.safetensors.*missing"):
+        CorrelationIndex.open(tmp_path / "map")
+    index_of(maps(4)).save(tmp_path / "other")
+    (tmp_path / "other" / "00000.safetensors").rename(shard)
+    with pytest.raises(DeepringError, match=r"holds \[4\] rows, expected 5"):
+        CorrelationIndex.open(tmp_path / "map")
