@@ -179,3 +179,11 @@ def test_padding_is_the_same_for_channels_last_and_in_inference():
     assert torch.equal(circular_pad(x.to(memory_format=torch.channels_last), 1), expected)
     with torch.inference_mode():
         assert torch.equal(circular_pad(x, 1), expected)
+
+
+def test_upsampling_trains_at_a_size_that_was_first_seen_in_inference():
+    with torch.inference_mode():
+        circular_upsample(image(1, 1, 11, 17))
+    x = image(1, 1, 11, 17).requires_grad_()
+    circular_upsample(x).sum().backward()
+    assert x.grad.sum() == pytest.approx(4 * x.numel())

@@ -120,6 +120,7 @@ def circular_upsample(x: Tensor, tau: TauPadding = "circular", turn: Turn = "ful
 
 
 @lru_cache
+@torch.inference_mode(False)  # kept for later, perhaps for training
 def _doubling(n: int, wraps: bool) -> Tensor:
     """(2n, n): samples 2k and 2k + 1 are 3/4 of sample k and 1/4 of its neighbour to that side.
 
