@@ -16,10 +16,11 @@ import skimage
 import torch
 from skimage.transform import radon as skimage_radon
 
-from deepring.core.bev import bev_occupancy, disc_mask
+from deepring.core.bev import disc_mask
 from deepring.core.ground import Preprocessing
 from deepring.core.radon import _half_turn, radon
 from deepring.core.rasters import BevRaster
+from deepring.core.scan_bev import scan_to_bev
 
 
 def scan(points: int) -> np.ndarray:
@@ -76,7 +77,7 @@ def main() -> None:
         return radon(torch.from_numpy(raster(points, 0.0))[None])
 
     def ours_band() -> torch.Tensor:
-        return radon(torch.from_numpy(bev_occupancy(band(points, 0.0)))[None])
+        return radon(torch.from_numpy(scan_to_bev(points, 0.0, band))[None])
 
     def pure_torch() -> torch.Tensor:
         half = _half_turn(torch.from_numpy(raster(points, 0.0))[None].float(), 60, 120)
@@ -84,7 +85,7 @@ def main() -> None:
 
     rows = {
         "points -> BEV (ground removed)": lambda: raster(points, 0.0),
-        "points -> BEV (height band)": lambda: bev_occupancy(band(points, 0.0)),
+        "points -> BEV (height band)": lambda: scan_to_bev(points, 0.0, band),
         "BEV -> sinogram, compiled": lambda: radon(image),
         "BEV -> sinogram, pure torch": lambda: _half_turn(image.float(), 60, 120),
         "BEV -> sinogram, scikit-image": lambda: skimage_radon(

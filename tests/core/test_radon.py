@@ -9,7 +9,7 @@ from scenes import scattered
 
 from deepring.core.bev import bev_occupancy
 from deepring.core.equivariance import assert_equivariant, relative_error
-from deepring.core.radon import _half_turn, _half_turn_compiled, radon
+from deepring.core.radon import _compiled, _half_turn, radon
 from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
 
@@ -133,7 +133,7 @@ def test_compiled_and_torch_paths_agree():
     bev = torch.rand(3, 30, 30, generator=torch.Generator().manual_seed(0)) > 0.7
     for bins in (30, 17, 64):
         images = bev.float()
-        compiled, plain = _half_turn_compiled(images, 20, bins), _half_turn(images, 20, bins)
+        compiled, plain = _compiled(images, 20, 20, bins, 1.0), _half_turn(images, 20, bins)
         assert torch.allclose(compiled, plain, atol=1e-4, rtol=1e-5)
 
 

@@ -67,6 +67,75 @@ def keep_above(points, cells, floor, clearance):
     return count
 
 
+#: Points that are taken at once: their coordinates, one after the other, stay in the first cache.
+_LOT = 2048
+
+
+@njit(cache=True, nogil=True)
+def band_occupancy(points, box, low, high, extent, cells, out):
+    """`in_box` and `occupancy` at once: mark in ``out`` (cells² + 1,) uint8, flat, the cells of
+    points with |x|, |y| < box and low < z < high; all others mark the last."""
+    box, low, high = np.float32(box), np.float32(low), np.float32(high)
+    scale, half = np.float32(cells / (2.0 * extent)), np.float32(extent)
+    side, spare, end = np.int32(cells), np.int32(cells * cells), np.float32(cells)
+    xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
+    cell = np.empty(_LOT, np.uint32)
+    for start in range(0, points.shape[0], _LOT):
+        lot = points[start : start + _LOT]
+        for k in range(lot.shape[0]):
+            xs[k], ys[k], zs[k] = lot[k, 0], lot[k, 1], lot[k, 2]
+        for k in range(lot.shape[0]):
+            x, y, z = xs[k], ys[k], zs[k]
+            u, v = (x + half) * scale, (y + half) * scale
+            kept = (abs(x) < box) & (abs(y) < box) & (z > low) & (z < high)
+            kept &= (u >= 0) & (u < end) & (v >= 0) & (v < end)
+            cell[k] = np.uint32(np.int32(u) * side + np.int32(v) if kept else spare)
+        for k in range(lot.shape[0]):
+            out[cell[k]] = 1
+
+
+@njit(cache=True, nogil=True)
+def two_cells(points, box, low, high, ground_cell, ground_side, extent, cells, ground, image):
+    """Flat cells of each point in the grid of the ground and in the image, (n,) uint32; for
+    points outside of the box, or of the image, the cell behind the last."""
+    box, low, high = np.float32(box), np.float32(low), np.float32(high)
+    ground_half = np.float32(ground_side * ground_cell / 2)
+    ground_scale, g_side = np.float32(1.0 / ground_cell), np.int32(ground_side)
+    scale, half = np.float32(cells / (2.0 * extent)), np.float32(extent)
+    side, end = np.int32(cells), np.float32(cells)
+    xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
+    for start in range(0, points.shape[0], _LOT):
+        lot = points[start : start + _LOT]
+        g, c = ground[start : start + _LOT], image[start : start + _LOT]
+        for k in range(lot.shape[0]):
+            xs[k], ys[k], zs[k] = lot[k, 0], lot[k, 1], lot[k, 2]
+        for k in range(lot.shape[0]):
+            x, y, z = xs[k], ys[k], zs[k]
+            kept = (abs(x) < box) & (abs(y) < box) & (z > low) & (z < high)
+            i = np.int32((x + ground_half) * ground_scale)
+            j = np.int32((y + ground_half) * ground_scale)
+            g[k] = np.uint32(i * g_side + j if kept else g_side * g_side)
+            u, v = (x + half) * scale, (y + half) * scale
+            kept &= (u >= 0) & (u < end) & (v >= 0) & (v < end)
+            c[k] = np.uint32(np.int32(u) * side + np.int32(v) if kept else side * side)
+
+
+@njit(cache=True, nogil=True)
+def lower(points, cells, lowest):
+    """Lower ``lowest``, flat, to the smallest z of the points in each cell."""
+    for k in range(cells.shape[0]):
+        z, least = points[k, 2], lowest[cells[k]]
+        lowest[cells[k]] = z if z < least else least
+
+
+@njit(cache=True, nogil=True)
+def mark_above(points, ground, image, floor, clearance, out):
+    """Mark in ``out``, flat, the image's cells of points more than ``clearance`` above the floor
+    of their ground cell."""
+    for k in range(ground.shape[0]):
+        out[image[k]] |= np.uint8(points[k, 2] > floor[ground[k]] + clearance)
+
+
 @njit(cache=True, nogil=True)
 def minimum_filter(image, window):
     """Smallest value in the ``window`` x ``window`` cells around each cell; borders cut it off."""
@@ -86,40 +155,57 @@ def minimum_filter(image, window):
 
 
 @njit(cache=True, nogil=True)
-def radon_half_turn(images, cosines, sines, bins, scale, out):
+def radon(images, cosines, sines, scale, unit, out):
     """Pixel-driven Radon transform of (b, h, h) float32 into ``out`` (b, angles, bins).
 
-    Coordinates are in cells from the image's centre; ``scale`` is τ bins a cell. Each occupied
-    cell is projected to its τ and shared linearly between the two nearest bins.
+    Coordinates are in cells from the image's centre; ``scale`` is τ bins a cell, ``unit`` the
+    side of a cell. Each occupied cell is projected to its τ and shared linearly between the two
+    nearest bins. Angles beyond those of the cosines are those half a turn before, flipped in τ.
     """
-    size = images.shape[1]
+    size, bins = images.shape[1], out.shape[2]
+    half, mirrored = cosines.shape[0], out.shape[1] > cosines.shape[0]
     centre = np.float32((size - 1) / 2.0)
-    middle = np.float32((bins + 1) / 2.0)
-    last = np.float32(bins + 1)
-    row = np.empty(bins + 2, np.float32)  # a spare bin on either side takes what falls off
-    xs = np.empty(size * size, np.float32)
-    ys = np.empty(size * size, np.float32)
-    values = np.empty(size * size, np.float32)
+    xs = np.empty(size * size + 1, np.float32)
+    ys = np.empty(size * size + 1, np.float32)
+    values = np.empty(size * size + 1, np.float32)
+    lower = np.empty(size * size, np.uint32)
+    share = np.empty(size * size, np.float32)
+    # What falls to a bin and to the one above it, side by side: one place in memory a cell. A
+    # spare bin on either side takes what falls off.
+    pairs = np.empty((bins + 2, 2), np.float32)
     for b in range(images.shape[0]):
         count = 0
         for i in range(size):
             for j in range(size):
-                if images[b, i, j] != 0:
-                    xs[count] = (i - centre) * scale
-                    ys[count] = (j - centre) * scale
-                    values[count] = images[b, i, j] * scale
-                    count += 1
+                xs[count] = (i - centre) * scale
+                ys[count] = (j - centre) * scale
+                values[count] = images[b, i, j] * scale
+                count += int(images[b, i, j] != 0)
         for a in range(cosines.shape[0]):
-            c, s = cosines[a], sines[a]
-            row[:] = 0.0
+            project(xs[:count], ys[:count], cosines[a], sines[a], bins, lower, share)
+            pairs[:] = 0.0
             for k in range(count):
-                position = xs[k] * c + ys[k] * s + middle
-                if 0.0 <= position < last:
-                    lower = int(position)
-                    upper_share = values[k] * (position - np.float32(lower))
-                    row[lower] += values[k] - upper_share
-                    row[lower + 1] += upper_share
-            out[b, a] = row[1 : bins + 1]
+                upper = values[k] * share[k]
+                pairs[lower[k], 0] += values[k] - upper
+                pairs[lower[k], 1] += upper
+            for m in range(bins):
+                out[b, a, m] = (pairs[m + 1, 0] + pairs[m, 1]) * unit
+            if mirrored:
+                out[b, half + a] = out[b, a, ::-1]
+
+
+@njit(cache=True, nogil=True)
+def project(xs, ys, cosine, sine, bins, lower, share):
+    """The bin below each cell's τ, counted with a spare one at 0, and the share of the bin above.
+    Cells off the ends share nothing with a bin."""
+    middle, last = np.float32((bins + 1) / 2.0), np.float32(bins + 1)
+    for k in range(xs.shape[0]):
+        position = xs[k] * cosine + ys[k] * sine + middle
+        inside = (position >= 0) & (position < last)
+        position = position if inside else np.float32(0)
+        whole = np.int32(position)
+        lower[k] = np.uint32(whole)
+        share[k] = position - np.float32(whole)
 
 
 @njit(cache=True, nogil=True)

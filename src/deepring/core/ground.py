@@ -44,6 +44,12 @@ class Preprocessing:
                     f"preprocessing.{name}: {getattr(self, name)}, expected more than 0"
                 )
 
+    @property
+    def side(self) -> int:
+        """Cells a side of the grid of the ground."""
+        # One to spare, so that rounding at the far border stays inside.
+        return math.ceil(2 * self.extent / self.cell) + 1
+
     def __call__(self, points: NDArray[np.float32], ground_z: float) -> NDArray[np.float32]:
         """Kept points (m, 3) with z above the nominal ground, of (n, 3) in the scan's frame.
 
@@ -51,16 +57,13 @@ class Preprocessing:
         """
         from deepring.core import _kernels
 
-        if points.ndim != 2 or points.shape[1] < 3:
-            raise DeepringError(f"points: shape {points.shape}, expected (n, 3)")
         low, high = self.height
-        points = np.ascontiguousarray(points, dtype=np.float32)
+        points = expect_points(points)
         kept = np.empty((len(points) + 1, 3), dtype=np.float32)
         count = _kernels.in_box(points, self.extent, low + ground_z, high + ground_z, kept)
         kept = kept[:count]
         if self.clearance is not None:
-            # A spare cell, so that rounding at the far border stays inside.
-            side = math.ceil(2 * self.extent / self.cell) + 1
+            side = self.side
             lowest = np.full((side, side), np.inf, dtype=np.float32)
             cells = np.empty(count, dtype=np.int32)
             _kernels.lowest_point(kept, side * self.cell / 2, self.cell, cells, lowest)
@@ -68,3 +71,10 @@ class Preprocessing:
             kept = kept[: _kernels.keep_above(kept, cells, floor, np.float32(self.clearance))]
         kept[:, 2] -= np.float32(ground_z)
         return kept
+
+
+def expect_points(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The points as contiguous float32. Raises DeepringError unless they are (n, 3) or wider."""
+    if points.ndim != 2 or points.shape[1] < 3:
+        raise DeepringError(f"points: shape {points.shape}, expected (n, 3)")
+    return np.ascontiguousarray(points, dtype=np.float32)

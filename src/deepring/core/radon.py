@@ -6,6 +6,7 @@ occupied cells only. θ = 2π k / angles without the end point; τ bins are cent
 """
 
 import math
+from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -59,26 +60,32 @@ def radon(
     bins = size if bins is None else bins
     batch = image.reshape(-1, size, size).to(torch.float32)
     compiled = batch.device.type == "cpu" and not (batch.requires_grad and torch.is_grad_enabled())
-    rows = (_half_turn_compiled if compiled else _half_turn)(batch, count, bins)
-    rows = torch.cat([rows, rows.flip(-1)], dim=-2) if turn == "full" else rows
-    return (rows * (2 * extent / size)).reshape(*image.shape[:-2], angles, bins)
+    if compiled:
+        rows = _compiled(batch, count, angles, bins, 2 * extent / size)
+    else:
+        rows = _half_turn(batch, count, bins)
+        rows = torch.cat([rows, rows.flip(-1)], dim=-2) if turn == "full" else rows
+        rows = rows * (2 * extent / size)
+    return rows.reshape(*image.shape[:-2], angles, bins)
 
 
+@lru_cache
+@torch.inference_mode(False)
 def _directions(count: int) -> tuple[Tensor, Tensor]:
     """Cosines and sines of ``count`` angles over half a turn, in float64 before rounding."""
     theta = torch.arange(count, dtype=torch.float64) * (math.pi / count)
     return torch.cos(theta).float(), torch.sin(theta).float()
 
 
-def _half_turn_compiled(batch: Tensor, count: int, bins: int) -> Tensor:
+def _compiled(batch: Tensor, count: int, angles: int, bins: int, unit: float) -> Tensor:
     from deepring.core import _kernels
 
     cosines, sines = (direction.numpy() for direction in _directions(count))
-    out = np.zeros((len(batch), count, bins), dtype=np.float32)
+    out = torch.empty(len(batch), angles, bins)
     scale = np.float32(bins / batch.shape[-1])
     images = batch.detach().contiguous().numpy()
-    _kernels.radon_half_turn(images, cosines, sines, bins, scale, out)
-    return torch.from_numpy(out)
+    _kernels.radon(images, cosines, sines, scale, np.float32(unit), out.numpy())
+    return out
 
 
 def _half_turn(batch: Tensor, count: int, bins: int) -> Tensor:

@@ -11,13 +11,13 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.core.bev import bev_occupancy
 from deepring.core.feature_raster import FeatureBevRaster
 from deepring.core.ground import Preprocessing
 from deepring.core.point_rasters import PointsRaster, VoxelRaster
 from deepring.core.polar import polar_gram, polar_layers, scan_context
 from deepring.core.range_image import range_image
 from deepring.core.raster_checks import check_crop, check_fields
+from deepring.core.scan_bev import scan_to_bev
 from deepring.errors import DeepringError
 
 
@@ -64,7 +64,7 @@ class BevRaster:
 
     def __call__(self, points: NDArray[np.float32], ground_z: float) -> NDArray[np.bool_]:
         """Occupied cells, (cells, cells) bool."""
-        return bev_occupancy(self.preprocessing(points, ground_z), self.extent, self.cells)
+        return scan_to_bev(points, ground_z, self.preprocessing, self.extent, self.cells)
 
 
 @dataclass(frozen=True)
