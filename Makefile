@@ -20,7 +20,7 @@ help:
 	@echo "make compare    all methods, Tables I and II (SEEDS='0 1'); goes on if stopped"
 	@echo "make test       lint, types, import directions and the default tests"
 	@echo "make test-slow  the long tests"
-	@echo "make bench      scan -> BEV -> sinogram, in milliseconds"
+	@echo "make bench      all stages beside the usual routes, to outputs/bench (BENCH="--most 1000000")"
 	@echo "make clean      remove .venv and caches; outputs/ stays"
 
 install: $(INSTALLED)
@@ -68,7 +68,7 @@ lint: install
 	$(BIN)/lint-imports
 
 bench: install
-	$(BIN)/python benchmarks/sinogram.py
+	$(BIN)/python benchmarks/bench.py $(BENCH)
 
 clean:
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

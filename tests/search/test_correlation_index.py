@@ -11,14 +11,9 @@ from deepring.core.correlation import circular_cross_correlation, unit_norm
 from deepring.errors import DeepringError
 from deepring.search.code import CodeSettings, code_scores, fit_code
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
-from deepring.search.spectra import (
-    LANES,
-    _batched,
-    _compiled,
-    best_shift,
-    encode,
-    spectrum_planes,
-)
+from deepring.search.exact import batched, compiled
+from deepring.search.rows import Rows
+from deepring.search.spectra import LANES, best_shift, encode, spectrum_planes
 
 PRECISIONS = ["float32", "bfloat16", "int8"]
 EXHAUSTIVE = SearchSettings(code=None)
@@ -84,15 +79,31 @@ def test_precisions_stay_within_their_steps(precision):
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-def test_compiled_and_torch_forms_agree(precision):
-    spectra = encode(maps(17, 10, 5), precision)
-    queries = spectrum_planes(maps(3, 10, 5, seed=9))
-    assert spectra.values.shape == (17, 6, 2, LANES)
-    compiled, batched = _compiled(queries, spectra.values), _batched(queries, spectra.values)
-    atol = 1e-5 * float(compiled.abs().max())
-    if precision == "bfloat16":  # the torch form multiplies as on a GPU, in float32 on a CPU
-        assert spectra.values.dtype == torch.bfloat16
-    assert torch.allclose(compiled, batched, atol=atol)
+@pytest.mark.parametrize(("rows", "cols"), [(10, 5), (15, 20)])
+@pytest.mark.parametrize("k", [1, 3, 17])
+def test_compiled_and_torch_forms_agree(precision, rows, cols, k):
+    places = Rows()
+    for seed in (0, 1):
+        spectra = encode(maps(17, rows, cols, seed), precision)
+        assert spectra.values.shape == (17, rows // 2 + 1, 2, -(-cols // LANES) * LANES)
+        places.attach({"values": spectra.values, "scale": spectra.scale})
+    planes = spectrum_planes(maps(3, rows, cols, seed=9))
+    for which in (None, torch.tensor([0, 2, 16, 17, 30])):
+        one = compiled(places, planes, rows, k, which)
+        other = batched(places, planes, rows, k, which)
+        assert one.score.shape == (3, k if which is None else min(k, 5))
+        assert torch.allclose(one.score, other.score, atol=1e-5)
+        assert torch.equal(one.place, other.place)
+        assert torch.equal(one.shift, other.shift)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(2, 40), st.integers(0, 99))
+def test_what_the_bound_leaves_out_is_not_among_the_best(rows, seed):
+    database, queries = maps(60, rows, 4, seed), maps(3, rows, 4, seed + 100)
+    every = circular_cross_correlation(queries, database).score
+    found = index_of(database).search(queries, 4)
+    assert torch.allclose(found.score, every.topk(4).values, atol=1e-5)
 
 
 def test_best_shift_takes_int8_scales_into_account():

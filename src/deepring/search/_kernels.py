@@ -3,44 +3,79 @@
 import math
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import overload
 
-# A place is read once from memory and compared with all queries, which stay in the cache.
+
+def _read(number):
+    """A kept number as float32; uint16 are the upper halves of float32, that is bfloat16."""
 
 
-@njit(cache=True, nogil=True, fastmath=True)
-def cross_spectra(queries, places, out):
-    """Σ_ω Q(k, ω) conj D(k, ω) of queries (q, k, 2, w) float32 with places (n, k, 2, w), real
-    and imaginary parts apart, float32 or int8: ``out`` (q, n, k, 2) float32."""
-    frequencies, width = places.shape[1], places.shape[3]
-    for i in range(places.shape[0]):
-        for b in range(queries.shape[0]):
-            for k in range(frequencies):
-                real, imaginary = np.float32(0), np.float32(0)
-                for w in range(width):
-                    x, y = np.float32(places[i, k, 0, w]), np.float32(places[i, k, 1, w])
-                    real += queries[b, k, 0, w] * x + queries[b, k, 1, w] * y
-                    imaginary += queries[b, k, 1, w] * x - queries[b, k, 0, w] * y
-                out[b, i, k, 0] = real
-                out[b, i, k, 1] = imaginary
+@overload(_read)
+def _read_typed(number):
+    if number == types.uint16:
+        return lambda number: np.uint32(np.uint32(number) << np.uint32(16)).view(np.float32)
+    return lambda number: np.float32(number)  # noqa: PLW0108 - numba types a lambda alone
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def cross_spectra_bfloat16(queries, places, out):
-    """The same for places whose bits are the upper halves of float32: (n, k, 2, w) uint16."""
-    frequencies, width = places.shape[1], places.shape[3]
-    shift = np.uint32(16)
-    for i in range(places.shape[0]):
+def cross_spectrum(query, place, scale, real, imaginary):
+    """Σ_ω Q(k, ω) conj D(k, ω) of a query (k, 2, w) float32 with a place (k, 2, w) of any
+    precision, times ``scale`` (k,), into ``real`` and ``imaginary`` (k,)."""
+    for k in range(place.shape[0]):
+        re, im = np.float32(0), np.float32(0)
+        for w in range(place.shape[2]):
+            x, y = _read(place[k, 0, w]), _read(place[k, 1, w])
+            re += query[k, 0, w] * x + query[k, 1, w] * y
+            im += query[k, 1, w] * x - query[k, 0, w] * y
+        real[k] = re * scale[k]
+        imaginary[k] = im * scale[k]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def search(queries, places, scales, which, first, waves, score, place, shift):
+    """Go through the places numbered ``which`` and keep the best of each query.
+
+    The largest value of a curve is at most the sum of the sizes of its frequencies, so that
+    curves whose sum does not reach the last of the best are not computed.
+
+    queries (q, k, 2, w) float32, places (n, k, 2, w), scales (n, k); ``first`` is added to their
+    numbers; waves (2, k, θ): cosines and sines with the weights of the inverse transform. The best
+    so far, best first: score (q, best) float32, place and shift (q, best) int64.
+    """
+    frequencies, rows = waves.shape[1], waves.shape[2]
+    real, imaginary = np.empty(frequencies, np.float32), np.empty(frequencies, np.float32)
+    curve = np.empty(rows, np.float32)
+    last = score.shape[1] - 1
+    # A place is read from memory once and compared with all queries, which stay in the cache.
+    for i in range(which.shape[0]):
+        one, scale = places[which[i]], scales[which[i]]
         for b in range(queries.shape[0]):
+            cross_spectrum(queries[b], one, scale, real, imaginary)
+            bound = np.float32(0)
             for k in range(frequencies):
-                real, imaginary = np.float32(0), np.float32(0)
-                for w in range(width):
-                    x = np.uint32(np.uint32(places[i, k, 0, w]) << shift).view(np.float32)
-                    y = np.uint32(np.uint32(places[i, k, 1, w]) << shift).view(np.float32)
-                    real += queries[b, k, 0, w] * x + queries[b, k, 1, w] * y
-                    imaginary += queries[b, k, 1, w] * x - queries[b, k, 0, w] * y
-                out[b, i, k, 0] = real
-                out[b, i, k, 1] = imaginary
+                size = math.sqrt(real[k] * real[k] + imaginary[k] * imaginary[k])
+                bound += waves[0, k, 0] * size
+            # Both are rounded: the bound has to hold all the same.
+            if bound * np.float32(1.00001) <= score[b, last]:
+                continue
+            curve[:] = 0
+            for k in range(frequencies):
+                for t in range(rows):
+                    curve[t] += real[k] * waves[0, k, t] - imaginary[k] * waves[1, k, t]
+            best = np.argmax(curve)
+            if curve[best] > score[b, last]:
+                insert(score[b], place[b], shift[b], curve[best], first + which[i], best)
+
+
+@njit(cache=True, nogil=True)
+def insert(score, place, shift, value, number, turn):
+    """Put a new value where it belongs among the best, behind equal ones, and drop the last."""
+    k = score.shape[0] - 1
+    while k > 0 and value > score[k - 1]:
+        score[k], place[k], shift[k] = score[k - 1], place[k - 1], shift[k - 1]
+        k -= 1
+    score[k], place[k], shift[k] = value, number, turn
 
 
 @njit(cache=True, nogil=True, fastmath=True)

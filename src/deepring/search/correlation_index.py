@@ -9,26 +9,15 @@ from torch import Tensor
 
 from deepring.core.correlation import shift_to_yaw
 from deepring.errors import DeepringError
+from deepring.search import exact
 from deepring.search.code import Code, CodeSettings, code_scores, fit_code
 from deepring.search.hits import Best, Hits
 from deepring.search.rows import Rows
 from deepring.search.shards import read_header, read_shards, write_header, write_shard
-from deepring.search.spectra import (
-    Precision,
-    Spectra,
-    best_shift,
-    encode,
-    expect_precision,
-    spectrum_planes,
-)
-
-#: Floats of correlation curves that are held at once; with their spectra they stay in the cache.
-_CURVES = 2**17
+from deepring.search.spectra import Precision, encode, expect_precision, spectrum_planes
 
 #: Places whose codes are scored at once.
 _CODES = 65_536
-
-_SPECTRA = ("values", "scale")
 
 
 @dataclass(frozen=True)
@@ -111,7 +100,7 @@ class CorrelationIndex:
         if exhaustive is None:
             exhaustive = self.code is None or len(self) <= self.settings.exhaustive_below
         if exhaustive:
-            best = self._among_all(spectrum_planes(queries), k)
+            best = self._exact(spectrum_planes(queries), k)
         elif self.code is None:
             raise DeepringError("exhaustive: False, but the index keeps no codes; set search.code")
         else:
@@ -129,24 +118,16 @@ class CorrelationIndex:
         best.see(every, torch.arange(len(self), device=self.device))
         return best.place
 
-    def _among_all(self, planes: Tensor, k: int) -> Best:
-        best = Best(len(planes), k, self.device)
-        size = max(16, _CURVES // (len(planes) * self._rows))
-        for start, part in self.places.chunks(size, *_SPECTRA):
-            score, shift = best_shift(planes, Spectra(*part), self._rows)
-            place = torch.arange(start, start + score.shape[1], device=self.device)
-            best.see(score, place, shift)
-        return best
+    def _exact(self, planes: Tensor, k: int, which: Tensor | None = None) -> Best:
+        form = exact.compiled if self.device.type == "cpu" else exact.batched
+        return form(self.places, planes, self._rows, k, which)
 
     def _among_candidates(self, queries: Tensor, code: Code, k: int) -> Best:
         places = self.candidates(queries, code).sort(dim=1).values
         planes = spectrum_planes(queries)
+        found = [self._exact(planes[q : q + 1], k, places[q]) for q in range(len(planes))]
         best = Best(len(queries), k, self.device)
-        found = [
-            best_shift(plane[None], Spectra(*self.places.take(place, *_SPECTRA)), self._rows)
-            for plane, place in zip(planes, places, strict=True)
-        ]
-        best.see(torch.cat([f[0] for f in found]), places, torch.cat([f[1] for f in found]))
+        best.see(*(torch.cat([getattr(f, n) for f in found]) for n in ("score", "place", "shift")))
         return best
 
     def save(self, folder: Path | str) -> None:

@@ -5,6 +5,8 @@ transform after the sum. The DFT over θ of what does not change is therefore ke
 descriptor.
 """
 
+import math
+from functools import lru_cache
 from typing import Literal, NamedTuple, get_args
 
 import torch
@@ -55,6 +57,8 @@ def encode(descriptors: Tensor, precision: Precision) -> Spectra:
 def best_shift(queries: Tensor, places: Spectra, rows: int) -> tuple[Tensor, Tensor]:
     """The largest correlation (q, n) over all circular shifts of θ, and that shift, int64.
 
+    In plain torch, on whatever device the places are.
+
     Args:
         queries: (q, k, 2, w) float32, from `spectrum_planes`.
         places: n of them.
@@ -67,29 +71,11 @@ def best_shift(queries: Tensor, places: Spectra, rows: int) -> tuple[Tensor, Ten
 
 
 def cross_spectra(queries: Tensor, places: Spectra) -> Tensor:
-    """Σ_ω Q(k, ω) conj D(k, ω), (q, n, k, 2) float32: compiled on a CPU, else a torch product."""
-    compiled = queries.device.type == "cpu"
-    cross = (_compiled if compiled else _batched)(queries, places.values)
-    if places.values.dtype == torch.int8:
-        cross *= places.scale[None, :, :, None]
-    return cross
+    """Σ_ω Q(k, ω) conj D(k, ω) for all pairs, real and imaginary parts: (q, n, k, 2) float32.
 
-
-def _compiled(queries: Tensor, values: Tensor) -> Tensor:
-    from deepring.search import _kernels
-
-    out = torch.empty(len(queries), *values.shape[:2], 2)
-    q, result = queries.contiguous().numpy(), out.numpy()
-    if values.dtype == torch.bfloat16:
-        bits = values.view(torch.int16).numpy().view("uint16")
-        _kernels.cross_spectra_bfloat16(q, bits, result)
-    else:
-        _kernels.cross_spectra(q, values.numpy(), result)
-    return out
-
-
-def _batched(queries: Tensor, values: Tensor) -> Tensor:
-    """One real matrix product a frequency: rows (Re, Im) and (Im, -Re) of Q on columns of D."""
+    One real matrix product a frequency: rows (Re, Im) and (Im, -Re) of Q on columns of D.
+    """
+    values = places.values
     real, imaginary = queries.unbind(dim=2)  # (q, k, w)
     rows = torch.stack(
         [torch.cat([real, imaginary], dim=-1), torch.cat([imaginary, -real], dim=-1)], dim=2
@@ -99,4 +85,17 @@ def _batched(queries: Tensor, values: Tensor) -> Tensor:
     if values.dtype != torch.bfloat16 or values.device.type == "cpu":
         right = right.float()
     product = torch.bmm(left.to(right.dtype), right).float()  # (k, 2q, n)
-    return product.view(len(product), -1, 2, product.shape[-1]).permute(1, 3, 0, 2).contiguous()
+    cross = product.view(len(product), -1, 2, len(values)).permute(1, 3, 0, 2)
+    return (cross * places.scale[None, :, :, None]).contiguous()
+
+
+@lru_cache
+@torch.inference_mode(False)
+def waves(rows: int) -> Tensor:
+    """The inverse DFT of ``rows`` real values by sums: weighted cosines and sines (2, k, θ)."""
+    frequency = torch.arange(rows // 2 + 1, dtype=torch.float64)
+    # Frequencies other than 0 and θ / 2 occur twice in the full spectrum.
+    single = (frequency == 0) | (2 * frequency == rows)
+    weight = torch.where(single, 1.0, 2.0) / rows
+    angle = 2 * math.pi / rows * frequency[:, None] * torch.arange(rows)
+    return (weight[:, None] * torch.stack([angle.cos(), angle.sin()])).float()
