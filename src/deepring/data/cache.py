@@ -30,6 +30,9 @@ RASTER_VERSION = 1
 Progress = Callable[[int, int], None]
 """Called with the number of scans done and their total."""
 
+#: Rows asked for at once; SQLite takes no more than some thousand values a query.
+LOOKED_UP = 400
+
 #: Scans a transaction: what a kill can lose, and how long a second process waits.
 BATCH = 64
 
@@ -123,14 +126,10 @@ class RasterCache:
     ) -> tuple[ScanSet, Rasters, tuple[str, ...]]:
         """Rasters of the scans that can be read, those scans, and the reasons of the others."""
         keys = _keys(scans, raster)
-        rows: list[bytes | None] = [None] * len(scans)
         broken: list[str] = []
         with self._database() as database:
-            missing = []
-            for k, key in enumerate(keys):
-                rows[k] = _find(database, key)
-                if rows[k] is None:
-                    missing.append(k)
+            rows = _find(database, keys)
+            missing = [k for k, row in enumerate(rows) if row is None]
             done = len(scans) - len(missing)
             if progress is not None:
                 progress(done, len(scans))
@@ -195,6 +194,7 @@ def _keys(scans: ScanSet, raster: Raster) -> list[_Key]:
         "raster": raster_settings(raster),
         "ground_z": scans.ground_z,
     }
+    digests: dict[float | None, bytes] = {}
     keys = []
     for k, index in enumerate(scans.indices):
         path = scans.session.files[index].absolute()
@@ -205,17 +205,31 @@ def _keys(scans: ScanSet, raster: Raster) -> list[_Key]:
         else:
             size, changed = status.st_size, status.st_mtime_ns
         yaw = None if scans.yaws is None else float(scans.yaws[k])
-        settings = json.dumps({**everything, "yaw": yaw}, sort_keys=True).encode()
-        keys.append(_Key(hashlib.sha256(settings).digest(), str(path), size, changed))
+        if yaw not in digests:
+            settings = json.dumps({**everything, "yaw": yaw}, sort_keys=True).encode()
+            digests[yaw] = hashlib.sha256(settings).digest()
+        keys.append(_Key(digests[yaw], str(path), size, changed))
     return keys
 
 
-def _find(database: sqlite3.Connection, key: _Key) -> bytes | None:
-    row = database.execute(
-        "SELECT image FROM rasters WHERE settings = ? AND path = ? AND size = ? AND changed_ns = ?",
-        (key.settings, key.path, key.size, key.changed_ns),
-    ).fetchone()
-    return None if row is None else bytes(row[0])
+def _find(database: sqlite3.Connection, keys: list[_Key]) -> list[bytes | None]:
+    """The rows of the keys, `LOOKED_UP` a query; None for those that are not there."""
+    found: list[bytes | None] = []
+    for start in range(0, len(keys), LOOKED_UP):
+        some = keys[start : start + LOOKED_UP]
+        values = ", ".join(["(?, ?)"] * len(some))
+        held = {
+            (settings, path): (size, changed, image)
+            for settings, path, size, changed, image in database.execute(
+                f"SELECT * FROM rasters WHERE (settings, path) IN (VALUES {values})",
+                [value for key in some for value in (key.settings, key.path)],
+            )
+        }
+        for key in some:
+            size, changed, image = held.get((key.settings, key.path), (None, None, None))
+            fresh = (size, changed) == (key.size, key.changed_ns)
+            found.append(image if fresh else None)
+    return found
 
 
 def _store(database: sqlite3.Connection, rows: list[tuple[_Key, bytes | None]]) -> None:
