@@ -3,6 +3,7 @@
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -166,6 +167,39 @@ def test_two_processes_train_one_network(tiny_nclt, tmp_path):
     assert len(runs) == 1
     assert {"results.csv", "config.yaml"} <= {p.name for p in runs[0].iterdir()}
     assert done.stdout.count("results      ") == 1
+
+
+def test_two_nodes_train_one_network(tiny_nclt, tmp_path):
+    """As on a cluster: the same command on each node, which finds the others by its environment."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    options = [*SMALL, "trainer.accelerator=cpu", "trainer.num_nodes=2", "trainer.strategy=ddp"]
+    command = [
+        Path(sys.executable).with_name("deepring"),
+        *("train", "experiment=demo", f"data.root={tiny_nclt}", "hydra.run.dir=outputs/both"),
+        *options,
+    ]
+    nodes = [
+        subprocess.Popen(
+            [str(word) for word in command],
+            cwd=tmp_path,
+            env={
+                **os.environ,
+                **{"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port)},
+                **{"WORLD_SIZE": "2", "NODE_RANK": str(rank), "LOCAL_RANK": "0"},
+            },
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for rank in (0, 1)
+    ]
+    said = [node.communicate(timeout=200) for node in nodes]
+    assert [node.returncode for node in nodes] == [0, 0], said
+    assert [out.count("results      ") for out, _ in said] == [1, 0]
+    folder = tmp_path / "outputs" / "both"
+    assert {"results.csv", "config.yaml", "status.json"} <= {p.name for p in folder.iterdir()}
 
 
 def test_an_interrupted_training_says_how_to_go_on_and_does(tiny_nclt, tmp_path):
