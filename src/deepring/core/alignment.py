@@ -1,0 +1,171 @@
+"""The pose of one scan in another's frame, from their bird's-eye images.
+
+The query is turned by each of a few yaws, and a correlation over translations tells where it fits
+best. Spectra are half whitened: divided by the root of their size, which sharpens the peak that
+occupancy alone leaves broad. The height of the peak says how well the two fit.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from deepring.errors import DeepringError
+
+
+@dataclass(frozen=True)
+class AlignmentSettings:
+    """Of images of ``cells`` x ``cells`` over [-extent, extent] metres."""
+
+    cells: int = 120
+    extent: float = 70.0
+    padded: int = 160
+    """Side of the transform: shifts up to ``padded - cells`` cells do not wrap."""
+    blur: float = 0.6
+    """Deviation of a Gaussian, metres."""
+    reach: float = 40.0
+    """Largest shift along x and y, metres."""
+    step: float = math.radians(3.0)
+    """Yaws that are tried beside each of those given."""
+
+    def __post_init__(self) -> None:
+        if self.padded < self.cells or self.padded % 2:
+            raise DeepringError(
+                f"alignment.padded: {self.padded}, expected an even number of at least "
+                f"alignment.cells, {self.cells}"
+            )
+        for name in ("cells", "extent", "blur", "reach", "step"):
+            if getattr(self, name) <= 0:
+                raise DeepringError(
+                    f"alignment.{name}: {getattr(self, name)}, expected more than 0"
+                )
+
+    @property
+    def cell(self) -> float:
+        """Metres."""
+        return 2 * self.extent / self.cells
+
+    @property
+    def shifts(self) -> int:
+        """Largest shift in cells."""
+        return min(self.padded // 2 - 1, math.ceil(self.reach / self.cell))
+
+
+class Alignment(NamedTuple):
+    """Where a query lies in the frames of n map scans."""
+
+    score: Tensor
+    """(n,) height of the correlation's peak, at most 1."""
+    yaw: Tensor
+    """(n,) radians in [-π, π), the turn of the points from map scan to query."""
+    position: Tensor
+    """(n, 2) metres, of the query's sensor in the map scan's frame."""
+
+
+def occupied_cells(image: Tensor, settings: AlignmentSettings) -> Tensor:
+    """Centres (m, 2), metres, of the occupied cells of an image (cells, cells)."""
+    if image.shape != (settings.cells, settings.cells):
+        raise DeepringError(
+            f"image: shape {tuple(image.shape)}, expected ({settings.cells}, {settings.cells}), "
+            "as alignment.cells says"
+        )
+    return (image.nonzero().float() + 0.5) * settings.cell - settings.extent
+
+
+def half_whitened(images: Tensor, settings: AlignmentSettings) -> Tensor:
+    """Spectra (n, padded, padded // 2 + 1) of images (n, cells, cells), of unit norm over all
+    frequencies, blurred, without their mean, divided by the root of their sizes."""
+    spectrum = torch.fft.rfft2(images.float(), s=(settings.padded, settings.padded))
+    spectrum = spectrum * _gaussian(settings).to(images.device)
+    size = spectrum.abs()
+    spectrum = spectrum / size.sqrt().clamp_min(1e-12)
+    # After it |spectrum|² is the size; all but the first and last column stand for two.
+    power = size.sum(dim=(-2, -1)) * 2 - size[..., 0].sum(-1) - size[..., -1].sum(-1)
+    return spectrum / power.sqrt().clamp_min(1e-12)[..., None, None]
+
+
+def align(cells: Tensor, spectra: Tensor, yaws: Tensor, settings: AlignmentSettings) -> Alignment:
+    """Align one query with n map scans.
+
+    Args:
+        cells: (m, 2) occupied cells of the query, metres, see `occupied_cells`.
+        spectra: (n, ...) of the map scans, see `half_whitened`.
+        yaws: (n, y) radians to try, each also a ``step`` less and more: turns of the points from
+            map scan to query. A descriptor that cannot tell a yaw from its opposite gives both.
+        settings: of images and transforms.
+    """
+    offsets = settings.step * torch.tensor([-1.0, 0.0, 1.0], device=yaws.device)
+    tried = yaws[..., None] + offsets  # (n, y, 3)
+    heights = _correlate(cells, spectra[:, None, None], tried, settings).amax(dim=(-2, -1))
+    which = heights.amax(dim=-1).argmax(dim=-1)  # (n,)
+    every = torch.arange(len(yaws), device=yaws.device)
+    yaw = yaws[every, which] + settings.step * _vertex(*heights[every, which].unbind(dim=-1))
+    score, shift = _peak(_correlate(cells, spectra, yaw, settings))
+    return Alignment(
+        score, torch.remainder(yaw + math.pi, 2 * math.pi) - math.pi, shift * settings.cell
+    )
+
+
+def turned_images(cells: Tensor, yaws: Tensor, settings: AlignmentSettings) -> Tensor:
+    """Images (..., cells, cells) float32 of the cells (m, 2) turned by -yaw (...): back into the
+    heading of the map scan. Each cell is shared among the four that it falls between."""
+    n = settings.cells
+    cosine, sine = torch.cos(yaws)[..., None], torch.sin(yaws)[..., None]
+    x = (cosine * cells[:, 0] + sine * cells[:, 1] + settings.extent) / settings.cell - 0.5
+    y = (cosine * cells[:, 1] - sine * cells[:, 0] + settings.extent) / settings.cell - 0.5
+    i, j = x.floor(), y.floor()
+    u, v = x - i, y - j
+    image = torch.zeros(yaws.numel(), (n + 2) * (n + 2), device=cells.device)
+    for di, share_i in ((0, 1 - u), (1, u)):
+        for dj, share_j in ((0, 1 - v), (1, v)):
+            # A border of one cell takes what falls off.
+            row, column = (i + di).clamp(-1, n) + 1, (j + dj).clamp(-1, n) + 1
+            index = (row * (n + 2) + column).long().flatten(0, -2)
+            image.scatter_add_(1, index, (share_i * share_j).flatten(0, -2))
+    inner = image.view(-1, n + 2, n + 2)[:, 1:-1, 1:-1]
+    return inner.reshape(*yaws.shape, n, n)
+
+
+def _correlate(cells: Tensor, spectra: Tensor, yaws: Tensor, settings: AlignmentSettings) -> Tensor:
+    """Correlation (..., 2r + 1, 2r + 1) over shifts in cells, up to r along x and y."""
+    turned = half_whitened(turned_images(cells, yaws, settings), settings)
+    side = settings.padded
+    curves = torch.fft.irfft2(spectra * turned.conj(), s=(side, side)) * side**2
+    reach = settings.shifts
+    rolled = curves.roll((reach, reach), dims=(-2, -1))
+    return rolled[..., : 2 * reach + 1, : 2 * reach + 1]
+
+
+def _peak(curves: Tensor) -> tuple[Tensor, Tensor]:
+    """Height (n,) and place (n, 2), in cells from the middle, of the peaks of (n, s, s)."""
+    side = curves.shape[-1]
+    height, flat = curves.flatten(1).max(dim=1)
+    i = (flat // side).clamp(1, side - 2)
+    j = (flat % side).clamp(1, side - 2)
+    every = torch.arange(len(curves), device=curves.device)
+    along_x = _vertex(*(curves[every, i + d, j] for d in (-1, 0, 1)))
+    along_y = _vertex(*(curves[every, i, j + d] for d in (-1, 0, 1)))
+    return height, torch.stack([i + along_x, j + along_y], dim=1) - side // 2
+
+
+def _vertex(before: Tensor, middle: Tensor, after: Tensor) -> Tensor:
+    """Where the parabola through three values is largest, in steps from the middle, in [-1, 1]."""
+    bend = (2 * middle - before - after).clamp_min(1e-12)
+    # Where the middle is not the largest the vertex lies outside, or is a minimum.
+    return ((after - before) / (2 * bend)).clamp(-1.0, 1.0)
+
+
+@lru_cache
+@torch.inference_mode(False)
+def _gaussian(settings: AlignmentSettings) -> Tensor:
+    """The blur's transfer function (padded, padded // 2 + 1), without the mean."""
+    side = settings.padded
+    along = torch.fft.fftfreq(side)[:, None], torch.fft.rfftfreq(side)[None]
+    squared = along[0].square() + along[1].square()
+    deviation = settings.blur / settings.cell
+    transfer = torch.exp(-2 * (math.pi * deviation) ** 2 * squared)
+    transfer[0, 0] = 0.0
+    return transfer
