@@ -19,10 +19,10 @@ def scan_context(
         sectors: rows, over the whole turn.
         rings: columns, of equal width.
     """
-    from deepring.core import _kernels
+    from deepring.core import _polar_kernels
 
     image = np.zeros((sectors, rings), dtype=np.float32)
-    _kernels.polar_highest(np.ascontiguousarray(points), radius, sectors, rings, image)
+    _polar_kernels.polar_highest(np.ascontiguousarray(points), radius, sectors, rings, image)
     return image
 
 
@@ -30,10 +30,10 @@ def polar_gram(
     points: NDArray[np.float32], radius: float = 70.0, sectors: int = 120, rings: int = 120
 ) -> NDArray[np.bool_]:
     """Occupancy over polar cells P_f(θ, r), (sectors, rings) bool; rows as in `scan_context`."""
-    from deepring.core import _kernels
+    from deepring.core import _polar_kernels
 
     image = np.full((sectors, rings), -np.inf, dtype=np.float32)
-    _kernels.polar_highest(np.ascontiguousarray(points), radius, sectors, rings, image)
+    _polar_kernels.polar_highest(np.ascontiguousarray(points), radius, sectors, rings, image)
     return image > -np.inf
 
 
@@ -53,9 +53,9 @@ def polar_layers(
         height: [low, high) that the layers share equally, metres; the lowest comes first.
         shape: layers, sectors and rings.
     """
-    from deepring.core import _kernels
+    from deepring.core import _polar_kernels
 
     image = np.zeros(shape, dtype=np.bool_)
     low, high = height
-    _kernels.polar_layers(np.ascontiguousarray(points), radius, low, high, image)
+    _polar_kernels.polar_layers(np.ascontiguousarray(points), radius, low, high, image)
     return image

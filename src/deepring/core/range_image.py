@@ -27,10 +27,10 @@ def range_image(
         viewpoint: height above the ground from which ranges are taken, metres.
         max_range: metres.
     """
-    from deepring.core import _kernels
+    from deepring.core import _polar_kernels
 
     nearest = np.full((sectors, rows), max_range, dtype=np.float32)
     low, high = (math.radians(angle) for angle in elevation)
     points = np.ascontiguousarray(points)
-    _kernels.nearest_return(points, viewpoint, sectors, rows, low, high, nearest)
+    _polar_kernels.nearest_return(points, viewpoint, sectors, rows, low, high, nearest)
     return np.float32(1.0) - nearest / np.float32(max_range)
