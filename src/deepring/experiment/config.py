@@ -12,6 +12,7 @@ from deepring.data.dataset import DatasetConfig
 from deepring.data.episodes import EpisodeSettings
 from deepring.errors import DeepringError
 from deepring.evaluation.metrics import Over
+from deepring.evaluation.reranking import expect_rerank
 
 
 @dataclass
@@ -73,6 +74,10 @@ class EvaluationConfig:
     figures: bool = True
     #: Keep the descriptors, so that they can be scored again without scans or network.
     descriptors: bool = False
+    #: Rows further to each method's own, its best candidates aligned: 'pose', 'locate'.
+    rerank: list[str] = field(default_factory=list)
+    #: Candidates that are aligned.
+    candidates: int = 25
 
 
 @dataclass
@@ -198,6 +203,12 @@ def _check_values(cfg: Config) -> None:
     if not regions or len(set(regions)) < len(regions) or not set(regions) <= set(EVALUATED):
         raise DeepringError(
             f"evaluation.regions: {regions}, expected one or several of {', '.join(EVALUATED)}"
+        )
+    for mode in cfg.evaluation.rerank:
+        expect_rerank("evaluation.rerank", mode)
+    if cfg.evaluation.candidates < 1:
+        raise DeepringError(
+            f"evaluation.candidates: {cfg.evaluation.candidates}, expected at least 1"
         )
     if cfg.overlap not in OVERLAP:
         raise DeepringError(f"overlap: {cfg.overlap!r}, expected one of {', '.join(OVERLAP)}")

@@ -4,16 +4,19 @@ import logging
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial import KDTree
 
-from deepring.core.rasters import Raster
+from deepring.core.rasters import BevRaster, Raster
 from deepring.data.datamodule import load_rasters
 from deepring.data.dataset import PlaceDataset, RetrievalSet
 from deepring.errors import DeepringError
 from deepring.evaluation.protocol import Outcome, Side, Task, evaluate_method
+from deepring.evaluation.reranked import evaluate_reranked
+from deepring.evaluation.reranking import Rerank, RerankSettings
 from deepring.evaluation.results import Result, write_results
 from deepring.evaluation.retrieval import describe_all
 from deepring.evaluation.retrievals import write_retrievals
@@ -220,15 +223,55 @@ def evaluate_split(cfg: Config, folder: Path, plan: Plan, split: RetrievalSet) -
             outcome = evaluate_method(
                 name, method, task, cfg.evaluation.radii, train, build.device(cfg), bar, export
             )
-        write_retrievals(
-            folder,
-            *(name, train, split.name, split.region),
-            outcome.retrieved,
-            task.query.scans.indices,
-            task.database.scans.indices,
-        )
+        keep_retrievals(folder, outcome, task)
         evaluated.append((outcome, task))
+        evaluated += reranked(cfg, folder, split, outcome, method, task, tasks)
     return evaluated
+
+
+def reranked(
+    cfg: Config,
+    folder: Path,
+    split: RetrievalSet,
+    outcome: Outcome,
+    method: Method,
+    task: Task,
+    tasks: dict[Raster, Task],
+) -> Evaluated:
+    """The same method with its best candidates aligned, as ``evaluation.rerank`` asks for."""
+    modes = cfg.evaluation.rerank
+    if not modes:
+        return []
+    above = BevRaster()
+    if above not in tasks:
+        tasks[above] = load_task(cfg, split, above)
+    settings = RerankSettings(candidates=cfg.evaluation.candidates)
+    with progress_bar(f"{outcome.method}: aligning candidates") as bar:
+        further = evaluate_reranked(
+            outcome,
+            method,
+            task,
+            tasks[above],
+            cast("list[Rerank]", modes),
+            settings,
+            build.device(cfg),
+            bar,
+        )
+    for one in further:
+        keep_retrievals(folder, one, task)
+    return [(one, task) for one in further]
+
+
+def keep_retrievals(folder: Path, outcome: Outcome, task: Task) -> None:
+    """Write each query's best place."""
+    first = outcome.results[0]
+    write_retrievals(
+        folder,
+        *(outcome.method, first.train, first.test, first.region),
+        outcome.retrieved,
+        task.query.scans.indices,
+        task.database.scans.indices,
+    )
 
 
 def _draw(
