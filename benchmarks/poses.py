@@ -44,9 +44,8 @@ def main() -> None:
     def image(session, k: int) -> torch.Tensor:
         return torch.from_numpy(raster(session.points(int(k)), GROUND_Z[args.format]))
 
-    print(
-        "| metres | pairs | success | median m | median ° | ms |\n| --- | ---: | ---: | ---: | ---: | ---: |"
-    )
+    print("| metres | pairs | success | median m | median ° | ms |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: |")
     for low, high in BINS:
         errors, turns, seconds = [], [], []
         for k in rng.permutation(len(second.files)):
