@@ -1,6 +1,7 @@
 """Search by circular cross-correlation: of all places, or of the best by a short code."""
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -181,6 +182,23 @@ class CorrelationIndex:
                 f"index {folder}: its header lacks {error}; write it again"
             ) from error
         return index
+
+    def restore(
+        self,
+        rows: Mapping[str, Tensor],
+        shape: Sequence[int],
+        basis: Tensor | None = None,
+        step: Tensor | None = None,
+    ) -> None:
+        """Take rows as `Rows` holds them, such as memory-mapped ones, in place of all places.
+
+        ``shape`` is (θ, ω) of the descriptors; ``basis`` and ``step`` are those of their code.
+        """
+        self.places = Rows()
+        self.places.attach({name: value.to(self.device) for name, value in rows.items()})
+        self.shape = (shape[0], shape[1])
+        coded = basis is not None and step is not None
+        self.code = Code(basis, step, shape[0]) if coded else None  # type: ignore[arg-type]
 
     def _attach(self, folder: Path, lengths: list[int]) -> None:
         self.places = Rows()
