@@ -20,8 +20,6 @@ from deepring.core.rigid import yaw_of
 from deepring.core.row_alignment import align_rows
 from deepring.data.formats import FORMATS, list_sessions, open_session
 
-GROUND_Z = {"nclt": 0.0, "mulran": -1.8, "kitti": -1.73}
-
 BINS = ((0, 10), (10, 20), (20, 35))
 
 #: Scans of one session this close in driving order are no revisit.
@@ -42,7 +40,7 @@ def main() -> None:
     settings, raster, rng = AlignmentSettings(), BevRaster(), np.random.default_rng(0)
 
     def image(session, k: int) -> torch.Tensor:
-        return torch.from_numpy(raster(session.points(int(k)), GROUND_Z[args.format]))
+        return torch.from_numpy(raster(session.points(int(k)), FORMATS[args.format].ground_z))
 
     print("| metres | pairs | success | median m | median ° | ms |")
     print("| --- | ---: | ---: | ---: | ---: | ---: |")

@@ -20,6 +20,8 @@ commands:
   score       score exported descriptors again     deepring score FOLDER
   tables      tables of a sweep's finished runs    deepring tables FOLDER
   case-study  why sinograms: SG against PG         deepring case-study DATASET
+  map         build a map, or look at one          deepring map build FOLDER -o MAP
+  localize    where were scans taken?              deepring localize MAP SCAN...
   simulate    write a simulated dataset            deepring simulate nclt -o FOLDER
   data        look at a dataset before using it    deepring data check FOLDER
 
@@ -36,6 +38,8 @@ COMMANDS = {
     "score": "deepring.cli.score:score_command",
     "tables": "deepring.cli.tables:tables_command",
     "case-study": "deepring.cli.case_study:case_study_command",
+    "map": "deepring.cli.map:map_command",
+    "localize": "deepring.cli.localize:localize_command",
     "simulate": "deepring.cli.simulate:simulate_command",
     "data": "deepring.cli.data:data_command",
 }

@@ -22,12 +22,14 @@ class Format(NamedTuple):
     open: Callable[..., Session]
     sessions: Callable[[Path | str], list[str]]
     layouts: tuple[str, ...]
+    ground_z: float
+    """z of the ground under the sensor in its scans' frame, metres, on the usual platform."""
 
 
 FORMATS: dict[str, Format] = {
-    "nclt": Format(open_nclt, list_nclt, NCLT_LAYOUTS),
-    "mulran": Format(open_mulran, list_mulran, MULRAN_LAYOUTS),
-    "kitti": Format(open_kitti, list_kitti, KITTI_LAYOUTS),
+    "nclt": Format(open_nclt, list_nclt, NCLT_LAYOUTS, 0.0),
+    "mulran": Format(open_mulran, list_mulran, MULRAN_LAYOUTS, -1.8),
+    "kitti": Format(open_kitti, list_kitti, KITTI_LAYOUTS, -1.73),
 }
 
 
