@@ -1,0 +1,111 @@
+"""Maps from the command line: built, looked at, localised in; each mistake as one clear error."""
+
+import csv
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+from test_cli import SMALL, deepring, refused
+
+from deepring.data.nclt import open_nclt
+
+BUILD = ("map", "build")
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tiny_nclt, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("trained")
+    done = deepring(
+        *("train", "experiment=demo", f"data.root={tiny_nclt}", "evaluate=false", *SMALL),
+        cwd=folder,
+    )
+    assert done.returncode == 0, done.stderr
+    return folder / "outputs" / "demo" / "latest" / "checkpoints" / "last.ckpt"
+
+
+@pytest.fixture(scope="module")
+def place_map(tiny_nclt, checkpoint, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("maps")
+    options = ["--checkpoint", checkpoint, "--session", "2031-02-04", "--spacing", 5]
+    done = deepring(*BUILD, tiny_nclt, "-o", "street.map", *options, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "places" in done.stdout
+    return folder / "street.map"
+
+
+@pytest.fixture(scope="module")
+def second(tiny_nclt):
+    return open_nclt(tiny_nclt, "2031-03-17")
+
+
+def test_scans_are_located_as_a_table_json_and_csv(place_map, second, tmp_path):
+    names = [str(second.files[k]) for k in (0, 3)]
+    shown = deepring("localize", place_map, *names, "--format", "nclt", cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    assert "trusted" in shown.stdout
+    options = ["--format", "nclt", "--as"]
+    lines = deepring("localize", place_map, *names, *options, "json", cwd=tmp_path).stdout
+    rows = [json.loads(line) for line in lines.splitlines()]
+    table = deepring("localize", place_map, *names, *options, "csv", cwd=tmp_path).stdout
+    for row, k, other in zip(rows, (0, 3), csv.DictReader(io.StringIO(table)), strict=True):
+        assert math.hypot(*(second.positions[k] - [row["x"], row["y"]])) < 5
+        assert row["scan"] == other["scan"] == str(second.files[k])
+        assert float(other["x"]) == row["x"]
+
+
+def test_a_folder_of_ones_own_scans(place_map, second, tmp_path):
+    (tmp_path / "scans").mkdir()
+    for k in (0, 1):
+        np.save(tmp_path / "scans" / f"{k}.npy", second.points(k))
+    done = deepring("localize", place_map, "scans", "--as", "json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.splitlines()) == 2
+
+
+def test_a_scan_that_cannot_be_located_does_not_hide_the_others(place_map, second, tmp_path):
+    good, bad = second.points(0), second.points(1).copy()
+    bad[7] = np.nan
+    for name, points in {"a": good, "b": bad, "c": good[:0]}.items():
+        np.save(tmp_path / f"{name}.npy", points)
+    (tmp_path / "d.npy").write_bytes(b"no scan")
+    names = [f"{name}.npy" for name in "abcd"]
+    done = deepring("localize", place_map, *names, "--as", "json", cwd=tmp_path)
+    assert done.returncode == 1
+    assert [json.loads(line)["scan"] for line in done.stdout.splitlines()] == ["a.npy"]
+    errors = [line for line in done.stderr.splitlines() if line.startswith("error")]
+    assert len(errors) == 3
+    assert all(f"{name}.npy" in line for name, line in zip("bcd", errors, strict=True))
+    assert "1 of" in errors[0]
+
+
+def test_info_reads_every_byte(place_map, tmp_path):
+    done = deepring("map", "info", place_map, cwd=tmp_path)
+    assert done.returncode == 0
+    assert "DeepRING" in done.stdout
+    damaged = bytearray(place_map.read_bytes())
+    damaged[-9] ^= 1
+    (tmp_path / "damaged.map").write_bytes(damaged)
+    refused(deepring("map", "info", "damaged.map", cwd=tmp_path), "damaged.map", "altered")
+    refused(deepring("localize", "damaged.map", place_map, cwd=tmp_path), "damaged.map", "altered")
+    (tmp_path / "short.map").write_bytes(damaged[:1000])
+    refused(deepring("map", "info", "short.map", cwd=tmp_path), "short.map", "cut short")
+
+
+def test_mistakes_leave_nothing_behind(place_map, tiny_nclt, checkpoint, tmp_path):
+    known = ["--checkpoint", checkpoint]
+    (tmp_path / "there").write_text("mine")
+    refused(deepring(*BUILD, tiny_nclt, "-o", "there", *known, cwd=tmp_path), "exists")
+    assert (tmp_path / "there").read_text() == "mine"
+    refused(deepring(*BUILD, tiny_nclt, "-o", "a.map", *known, cwd=tmp_path), "name one")
+    session = ["--session", "2031-02-04"]
+    for options, words in (
+        (["--spacing", -1, *known, *session], ["--spacing -1"]),
+        (["--checkpoint", "none.ckpt", *session], ["none.ckpt"]),
+        ([*known, "--session", "2030-01-01"], ["2030-01-01"]),
+    ):
+        refused(deepring(*BUILD, tiny_nclt, "-o", "a.map", *options, cwd=tmp_path), *words)
+    refused(deepring("localize", place_map, "nowhere", cwd=tmp_path), "nowhere")
+    refused(deepring("localize", "nothing.map", place_map, cwd=tmp_path), "nothing.map")
+    assert {path.name for path in tmp_path.iterdir()} == {"there"}
