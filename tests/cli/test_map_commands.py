@@ -109,3 +109,18 @@ def test_mistakes_leave_nothing_behind(place_map, tiny_nclt, checkpoint, tmp_pat
     refused(deepring("localize", place_map, "nowhere", cwd=tmp_path), "nowhere")
     refused(deepring("localize", "nothing.map", place_map, cwd=tmp_path), "nothing.map")
     assert {path.name for path in tmp_path.iterdir()} == {"there"}
+
+
+def test_loops_are_written_for_back_ends(tiny_nclt, checkpoint, tmp_path):
+    options = ["--checkpoint", checkpoint, "--session", "2031-02-04", "--spacing", 8]
+    done = deepring("loops", tiny_nclt, *options, "-o", "out/drive", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    written = {path.name: path.read_text() for path in (tmp_path / "out").iterdir()}
+    assert set(written) == {"drive.g2o", "drive.tum", "drive.json"}
+    keyframes = len(json.loads(written["drive.json"])["scans"])
+    assert written["drive.g2o"].count("VERTEX_SE2") == keyframes
+    assert len(written["drive.tum"].splitlines()) == keyframes
+    refused(deepring("loops", tiny_nclt, *options, "-o", "out/drive", cwd=tmp_path), "exists")
+    wrong = [*options, "--recent", 0]
+    refused(deepring("loops", tiny_nclt, *wrong, "-o", "b", cwd=tmp_path), "loops.recent")
+    assert not list(tmp_path.glob("b.*"))

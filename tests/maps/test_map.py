@@ -88,7 +88,7 @@ def test_the_network_travels_in_the_map(built, tmp_path):
 
 def test_an_empty_map_is_a_map_without_answers(tmp_path, drives):
     Map(small_network()).save(tmp_path / "empty.map")
-    with pytest.raises(DeepringError, match="holds no places"):
+    with pytest.raises(DeepringError, match="holds no places to look among"):
         Map.open(tmp_path / "empty.map").localize(drives[0].points(0))
 
 

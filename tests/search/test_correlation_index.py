@@ -159,6 +159,17 @@ def test_the_size_decides_which_search_it_is():
     assert index.search(queries, k=4, exhaustive=True).place.shape == (5, 4)
 
 
+@pytest.mark.parametrize("exhaustive", [True, False])
+def test_later_places_can_be_left_out(exhaustive):
+    database = maps(60)
+    index = index_of(database, SearchSettings(candidates=60))
+    found = index.search(database[40:41], 3, exhaustive=exhaustive, before=40)
+    alone = index_of(database[:40], SearchSettings(candidates=60)).search(database[40:41], 3)
+    assert torch.equal(found.place, alone.place)
+    assert torch.allclose(found.score, alone.score, atol=1e-6)
+    assert index.search(database[:1], 3, exhaustive=exhaustive, before=0).place.shape == (1, 0)
+
+
 def test_places_added_one_by_one_are_those_added_at_once():
     database, queries = maps(70), maps(4, seed=2)
     whole, grown = index_of(database), CorrelationIndex(EXHAUSTIVE)

@@ -22,6 +22,7 @@ commands:
   case-study  why sinograms: SG against PG         deepring case-study DATASET
   map         build a map, or look at one          deepring map build FOLDER -o MAP
   localize    where were scans taken?              deepring localize MAP SCAN...
+  loops       loop closures of a drive             deepring loops FOLDER -o OUT
   simulate    write a simulated dataset            deepring simulate nclt -o FOLDER
   data        look at a dataset before using it    deepring data check FOLDER
 
@@ -40,6 +41,7 @@ COMMANDS = {
     "case-study": "deepring.cli.case_study:case_study_command",
     "map": "deepring.cli.map:map_command",
     "localize": "deepring.cli.localize:localize_command",
+    "loops": "deepring.cli.loops:loops_command",
     "simulate": "deepring.cli.simulate:simulate_command",
     "data": "deepring.cli.data:data_command",
 }

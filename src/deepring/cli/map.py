@@ -9,6 +9,7 @@ import numpy as np
 
 from deepring.cli.report import console
 from deepring.data.formats import FORMATS, detect_format, open_session
+from deepring.data.scan import Session
 from deepring.errors import DeepringError
 from deepring.maps.map import Map
 from deepring.methods.deepring import DeepRing
@@ -35,14 +36,8 @@ def build(args: argparse.Namespace) -> None:
         )
     if args.spacing < 0:
         raise DeepringError(f"--spacing {args.spacing}: expected metres, at least 0")
-    network = load_network(args.checkpoint).method
-    if not isinstance(network, DeepRing):
-        raise DeepringError(
-            f"--checkpoint {args.checkpoint}: of {network.settings.label}, expected DeepRING"
-        )
-    format = args.format or detect_format(args.root)
-    ground_z = FORMATS[format].ground_z if args.ground_z is None else args.ground_z
-    session = open_session(format, args.root, args.session)
+    network = network_of(args.checkpoint)
+    session, ground_z = open_drive(args)
     with progress_bar(f"{session.name}: describing places") as bar:
         built = Map.build(
             session,
@@ -81,18 +76,40 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("deepring map")
     commands = parser.add_subparsers(dest="command", required=True)
     builder = commands.add_parser("build", help="a map of one drive")
-    builder.add_argument("root", type=Path, metavar="FOLDER", help="of the dataset")
+    add_drive(builder)
     builder.add_argument("-o", dest="output", type=Path, metavar="MAP", required=True)
-    builder.add_argument("--checkpoint", type=Path, required=True, help="of a trained DeepRING")
-    builder.add_argument("--format", choices=list(FORMATS), help="told from the folder by default")
-    builder.add_argument("--session", help="where the folder holds several")
     builder.add_argument("--spacing", type=float, default=10.0, help="metres between places (10)")
-    builder.add_argument(
-        "--ground-z",
-        type=float,
-        help="z of the ground under the sensor in the scans' frame, metres; the format's usual",
-    )
     builder.add_argument("--precision", choices=get_args(Precision), default="int8")
     shower = commands.add_parser("info", help="what a map holds; every byte is checked")
     shower.add_argument("map", type=Path)
     return parser
+
+
+def add_drive(parser: argparse.ArgumentParser) -> None:
+    """Options that say which drive, and what describes it."""
+    parser.add_argument("root", type=Path, metavar="FOLDER", help="of the dataset")
+    parser.add_argument("--checkpoint", type=Path, required=True, help="of a trained DeepRING")
+    parser.add_argument("--format", choices=list(FORMATS), help="told from the folder by default")
+    parser.add_argument("--session", help="where the folder holds several")
+    parser.add_argument(
+        "--ground-z",
+        type=float,
+        help="z of the ground under the sensor in the scans' frame, metres; the format's usual",
+    )
+
+
+def open_drive(args: argparse.Namespace) -> tuple[Session, float]:
+    """The drive that `add_drive`'s options name, and z of the ground in its scans' frame."""
+    format = args.format or detect_format(args.root)
+    ground_z = FORMATS[format].ground_z if args.ground_z is None else args.ground_z
+    return open_session(format, args.root, args.session), ground_z
+
+
+def network_of(checkpoint: Path) -> DeepRing:
+    """The network of a checkpoint. Raises DeepringError where it is another method's."""
+    network = load_network(checkpoint).method
+    if not isinstance(network, DeepRing):
+        raise DeepringError(
+            f"--checkpoint {checkpoint}: of {network.settings.label}, expected DeepRING"
+        )
+    return network

@@ -141,16 +141,17 @@ class Map:
         self.poses = torch.cat([self.poses, torch.from_numpy(np.asarray(poses, np.float64))])
         self.names += names
 
-    def localize(self, points: NDArray[np.float32]) -> Location:
+    def localize(self, points: NDArray[np.float32], before: int | None = None) -> Location:
         """Where a scan (n, 3), metres in its own frame, was taken.
 
-        Raises DeepringError for an empty map, and for a scan without points or with numbers that
-        are none.
+        ``before`` leaves out that place and those added after it. Raises DeepringError where no
+        place is left, and for a scan without points or with numbers that are none.
         """
-        if not len(self):
-            raise DeepringError("map: holds no places; expected at least one")
+        if not len(self) or (before is not None and before < 1):
+            raise DeepringError("map: holds no places to look among; expected at least one")
         raster = torch.from_numpy(self._draw(points))
-        hits = self.index.search(self.network.describe(raster[None]).cpu(), self.rerank.candidates)
+        described = self.network.describe(raster[None]).cpu()
+        hits = self.index.search(described, self.rerank.candidates, before=before)
         place = hits.place[0]
         assert hits.yaw is not None
         maps = Rasters(self.images.numpy(), self.raster)[place.numpy()]

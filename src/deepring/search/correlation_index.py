@@ -87,44 +87,55 @@ class CorrelationIndex:
             rows["code"] = self.code.encode(descriptors)
         self.places.add(rows)
 
-    def search(self, queries: Tensor, k: int = 1, *, exhaustive: bool | None = None) -> Hits:
+    def search(
+        self,
+        queries: Tensor,
+        k: int = 1,
+        *,
+        exhaustive: bool | None = None,
+        before: int | None = None,
+    ) -> Hits:
         """The ``k`` places of the largest correlation, with the turn from place to query.
 
         Args:
             queries: descriptors (q, θ, ω).
             k: places wanted.
             exhaustive: compare all places; by default up to ``exhaustive_below`` of them.
+            before: leave out this place and those added after it.
         """
         if k < 1:
             raise DeepringError(f"k: {k}, expected at least 1")
         queries = self._checked(queries)
         if exhaustive is None:
             exhaustive = self.code is None or len(self) <= self.settings.exhaustive_below
+        count = len(self) if before is None else max(0, min(before, len(self)))
         if exhaustive:
-            best = self._exact(spectrum_planes(queries), k)
+            which = None if before is None else torch.arange(count, device=self.device)
+            best = self._exact(spectrum_planes(queries), k, which)
         elif self.code is None:
             raise DeepringError("exhaustive: False, but the index keeps no codes; set search.code")
         else:
-            best = self._among_candidates(queries, self.code, k)
+            best = self._among_candidates(queries, self.code, k, count)
         yaw = shift_to_yaw(best.shift, queries.shape[-2], self.period)
         return Hits(best.place, best.score / self.cells, yaw)
 
-    def candidates(self, queries: Tensor, code: Code) -> Tensor:
-        """The places (q, c) int64 that the codes put first, in no order."""
-        share = math.ceil(self.settings.candidate_share * len(self))
+    def candidates(self, queries: Tensor, code: Code, count: int | None = None) -> Tensor:
+        """The places (q, c) int64, of the first ``count``, that the codes put first."""
+        count = len(self) if count is None else count
+        share = math.ceil(self.settings.candidate_share * count)
         best = Best(len(queries), max(self.settings.candidates, share), self.device)
         planes = code.queries(queries)
         scores = [code_scores(planes, codes) for _, (codes,) in self.places.chunks(_CODES, "code")]
-        every = torch.cat(scores, dim=1)
-        best.see(every, torch.arange(len(self), device=self.device))
+        every = torch.cat(scores, dim=1)[:, :count]
+        best.see(every, torch.arange(count, device=self.device))
         return best.place
 
     def _exact(self, planes: Tensor, k: int, which: Tensor | None = None) -> Best:
         form = exact.compiled if self.device.type == "cpu" else exact.batched
         return form(self.places, planes, self._rows, k, which)
 
-    def _among_candidates(self, queries: Tensor, code: Code, k: int) -> Best:
-        places = self.candidates(queries, code).sort(dim=1).values
+    def _among_candidates(self, queries: Tensor, code: Code, k: int, count: int) -> Best:
+        places = self.candidates(queries, code, count).sort(dim=1).values
         planes = spectrum_planes(queries)
         found = [self._exact(planes[q : q + 1], k, places[q]) for q in range(len(planes))]
         best = Best(len(queries), k, self.device)
