@@ -12,8 +12,8 @@ from deepring.core.ground import Preprocessing
 from deepring.errors import DeepringError
 from deepring.experiment import build
 from deepring.experiment.config import PreprocessingConfig, flattened
-from deepring.experiment.evaluate import plan_evaluation
 from deepring.experiment.hyperparameters import hyperparameters
+from deepring.experiment.plan import plan_evaluation
 
 ROOT = "data.root=/nowhere"
 ROOTS = ("nclt", "mulran", "kitti")

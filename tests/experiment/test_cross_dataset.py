@@ -8,7 +8,7 @@ from deepring.data.datamodule import PlaceDataModule
 from deepring.errors import DeepringError
 from deepring.evaluation.descriptors import read_descriptors
 from deepring.experiment import build
-from deepring.experiment.evaluate import plan_evaluation
+from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.train import check_overlap, train
 
 NARROW = ("spacing.train=1", "regions.validation_share=0.3", "regions.margin=1")

@@ -7,7 +7,7 @@ from test_train import SMALL
 from deepring.cli.experiments import config_folder
 from deepring.errors import DeepringError
 from deepring.experiment import build
-from deepring.experiment.evaluate import plan_evaluation
+from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.train import train
 from deepring.training.module import load_network
 

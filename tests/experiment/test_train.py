@@ -11,7 +11,8 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from deepring.cli.experiments import config_folder
 from deepring.errors import DeepringError
 from deepring.evaluation.results import COLUMNS, read_results
-from deepring.experiment.evaluate import evaluate, plan_evaluation
+from deepring.experiment.evaluate import evaluate
+from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.train import train
 from deepring.training.module import load_network
 

@@ -119,7 +119,8 @@ def _train(composed: DictConfig) -> None:
 
 @mistakes_reported
 def _evaluate(composed: DictConfig) -> None:
-    from deepring.experiment.evaluate import evaluate, plan_evaluation
+    from deepring.experiment.evaluate import evaluate
+    from deepring.experiment.plan import plan_evaluation
 
     cfg = check_config(composed)
     folder = run_folder(cfg)

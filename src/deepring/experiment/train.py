@@ -16,7 +16,8 @@ from deepring.errors import DeepringError, StoppedError
 from deepring.evaluation.results import Result
 from deepring.experiment import build
 from deepring.experiment.config import Config
-from deepring.experiment.evaluate import distance_to_training, evaluate, plan_evaluation
+from deepring.experiment.evaluate import evaluate
+from deepring.experiment.plan import distance_to_training, plan_evaluation
 from deepring.experiment.run_folder import (
     LinkLatest,
     is_first_process,
