@@ -124,3 +124,12 @@ def test_loops_are_written_for_back_ends(tiny_nclt, checkpoint, tmp_path):
     wrong = [*options, "--recent", 0]
     refused(deepring("loops", tiny_nclt, *wrong, "-o", "b", cwd=tmp_path), "loops.recent")
     assert not list(tmp_path.glob("b.*"))
+
+
+def test_a_network_is_exported_once(checkpoint, tmp_path):
+    done = deepring("export", checkpoint, "-o", "network.onnx", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "network.onnx").stat().st_size > 1e5
+    refused(deepring("export", checkpoint, "-o", "network.onnx", cwd=tmp_path), "exists")
+    refused(deepring("export", "none.ckpt", "-o", "b.onnx", cwd=tmp_path), "none.ckpt")
+    assert [path.name for path in tmp_path.iterdir()] == ["network.onnx"]

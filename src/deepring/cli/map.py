@@ -110,6 +110,6 @@ def network_of(checkpoint: Path) -> DeepRing:
     network = load_network(checkpoint).method
     if not isinstance(network, DeepRing):
         raise DeepringError(
-            f"--checkpoint {checkpoint}: of {network.settings.label}, expected DeepRING"
+            f"checkpoint {checkpoint}: of {network.settings.label}, expected DeepRING"
         )
     return network

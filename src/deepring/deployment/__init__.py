@@ -1,0 +1,1 @@
+"""Trained networks for where there is no PyTorch."""
