@@ -23,6 +23,7 @@ commands:
   map         build a map, or look at one          deepring map build FOLDER -o MAP
   localize    where were scans taken?              deepring localize MAP SCAN...
   loops       loop closures of a drive             deepring loops FOLDER -o OUT
+  report      a run as one HTML page               deepring report outputs/demo/latest
   export      a trained network as ONNX            deepring export CHECKPOINT -o FILE
   simulate    write a simulated dataset            deepring simulate nclt -o FOLDER
   data        look at a dataset before using it    deepring data check FOLDER
@@ -43,6 +44,7 @@ COMMANDS = {
     "map": "deepring.cli.map:map_command",
     "localize": "deepring.cli.localize:localize_command",
     "loops": "deepring.cli.loops:loops_command",
+    "report": "deepring.cli.page:report_command",
     "export": "deepring.cli.export:export_command",
     "simulate": "deepring.cli.simulate:simulate_command",
     "data": "deepring.cli.data:data_command",

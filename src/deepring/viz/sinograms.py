@@ -43,7 +43,7 @@ def sinogram_figure(
     for column, (image, name) in enumerate(
         ((sinogram, "Sinogram"), (turned, "Sinogram of the turned twin")), 1
     ):
-        _draw_sinogram(figure.add_subplot(grid[0, column]), image, name, extent, top, period)
+        draw_sinogram(figure.add_subplot(grid[0, column]), image, name, extent, top, period)
     _draw_correlation(figure.add_subplot(grid[1, :]), correlation, true_yaw, period)
     return figure
 
@@ -57,9 +57,10 @@ def draw_bev(axes: Axes, bev: NDArray, title: str, extent: float) -> None:
     dress(axes, title, "y, left (m)", "x, forward (m)", grid=False)
 
 
-def _draw_sinogram(
+def draw_sinogram(
     axes: Axes, image: NDArray, name: str, extent: float, top: float, period: float
 ) -> None:
+    """A sinogram (θ, τ), θ downwards over ``period`` degrees; ``top`` is the brightest value."""
     box = (-extent, extent, period, 0.0)
     axes.imshow(image, cmap="magma", vmin=0, vmax=top, extent=box, aspect="auto")
     axes.set_box_aspect(1)  # as large as the bird's-eye view

@@ -1,0 +1,72 @@
+"""One HTML page that needs nothing beside it: no network, no server, no script."""
+
+import base64
+import html
+import io
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+_STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; color: #262626; margin: 2rem auto; max-width: 70rem;
+  padding: 0 1rem; }
+h1, h2 { font-weight: 600; line-height: 1.2; } h2 { margin-top: 2.5rem; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
+th, td { padding: .25rem .75rem; text-align: right; border-bottom: 1px solid #d9d9d9; }
+th:first-child, td:first-child { text-align: left; }
+figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; }
+figcaption { color: #595959; } pre { overflow-x: auto; background: #f6f6f6; padding: 1rem; }
+""".strip()
+
+
+def page(title: str, parts: Iterable[str]) -> str:
+    """The whole page, of parts that are HTML already."""
+    body = "\n".join(parts)
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{html.escape(title)}</title>\n<style>\n{_STYLE}\n</style>\n</head>\n<body>\n"
+        f"<h1>{html.escape(title)}</h1>\n{body}\n</body>\n</html>\n"
+    )
+
+
+def heading(text: str) -> str:
+    """Of a section."""
+    return f"<h2>{html.escape(text)}</h2>"
+
+
+def paragraph(text: str) -> str:
+    """Plain text."""
+    return f"<p>{html.escape(text)}</p>"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Of plain text."""
+    cells = "".join(f"<th>{html.escape(name)}</th>" for name in head)
+    lines = [
+        "<tr>" + "".join(f"<td>{html.escape(value)}</td>" for value in row) + "</tr>"
+        for row in rows
+    ]
+    return f"<table>\n<tr>{cells}</tr>\n" + "\n".join(lines) + "\n</table>"
+
+
+def preformatted(text: str) -> str:
+    """As it is."""
+    return f"<pre>{html.escape(text)}</pre>"
+
+
+def picture(source: Figure | Path, caption: str) -> str:
+    """A figure, or a PNG file, inside the page; the caption is its alternative text, too."""
+    if isinstance(source, Path):
+        data = source.read_bytes()
+    else:
+        buffer = io.BytesIO()
+        source.savefig(buffer, format="png", dpi=110)
+        data = buffer.getvalue()
+    words = html.escape(caption)
+    encoded = base64.b64encode(data).decode()
+    return (
+        f'<figure><img src="data:image/png;base64,{encoded}" alt="{words}">'
+        f"<figcaption>{words}</figcaption></figure>"
+    )

@@ -1,0 +1,66 @@
+"""A run as one page: whole in itself, and true to the run's files."""
+
+import re
+
+import pytest
+
+from deepring.errors import DeepringError
+from deepring.evaluation.retrievals import retrievals_in
+from deepring.experiment.report import report
+from deepring.experiment.train import train
+
+
+@pytest.fixture(scope="module")
+def run(compose_in, tiny_nclt, tmp_path_factory):
+    outputs = tmp_path_factory.mktemp("reported")
+    cfg = compose_in(
+        outputs,
+        *("experiment=demo", f"data.root={tiny_nclt}", "data.spacing.train=1"),
+        *("episode.ways=2", "episode.queries=1", "episode.per_epoch=1", "trainer.max_epochs=1"),
+        *("trainer.log_every_n_steps=1", "callbacks.progress=null"),
+        *("data.regions.validation_share=0.3", "data.regions.margin=1"),
+        *("methods.scan_context=null", "methods.scan_context_120=null"),
+    )
+    train(cfg, outputs / "run")
+    return outputs / "run"
+
+
+def test_the_page_needs_nothing_beside_it(run):
+    text = report(run)
+    assert text.startswith("<!doctype html>")
+    assert "<script" not in text
+    assert set(re.findall(r'src="([^,]*),', text)) == {"data:image/png;base64"}
+    assert not re.findall(r"(?:href|url)\s*[=(]", text)
+    for heading in ("Results, right within 10 m", "The worst failures", "Config"):
+        assert heading in text
+    assert text.count("<tr>") == 1 + 2  # DeepRING and RING
+
+
+def test_failures_are_the_wrong_answers_of_the_highest_scores(run):
+    found = next(r for r in retrievals_in(run) if r.method == "DeepRING")
+    wrong = (found.distance > 10) & (found.nearest <= 10)
+    text = report(run, failures=3)
+    assert f"{wrong.sum()} of {(found.nearest <= 10).sum()} answerable queries" in text
+    drawn = re.findall(r"<figcaption>Scan (\d+): score ([\d.-]+)", text)
+    assert len(drawn) == min(3, wrong.sum())
+    ordered = sorted(found.score[wrong], reverse=True)[: len(drawn)]
+    assert [score for _, score in drawn] == [f"{score:.3f}" for score in ordered]
+    assert {int(scan) for scan, _ in drawn} <= set(found.query[wrong].tolist())
+
+
+def test_without_the_scans_the_rest_is_shown(run, tiny_nclt, tmp_path):
+    copy = tmp_path / "run"
+    copy.mkdir()
+    for name in ("results.csv", "checkpoints"):
+        (copy / name).symlink_to(run / name)
+    config = (run / "config.yaml").read_text().replace(str(tiny_nclt), str(tmp_path / "gone"))
+    (copy / "config.yaml").write_text(config)
+    text = report(copy)
+    assert "the scans are not at hand" in text
+    (copy / "checkpoints").unlink()
+    assert "No checkpoint lies in the run" in report(copy)
+
+
+def test_what_is_no_run_is_refused(tmp_path):
+    with pytest.raises(DeepringError, match=r"no results\.csv"):
+        report(tmp_path)
