@@ -4,14 +4,34 @@ import csv
 import io
 import json
 import math
+import subprocess
 
 import numpy as np
 import pytest
 from test_cli import SMALL, deepring, refused
 
+from deepring.cli.main import main
 from deepring.data.nclt import open_nclt
 
 BUILD = ("map", "build")
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch, capsys):
+    """Runs a command in this process, which is quicker: its exit status, output and errors."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        try:
+            main([str(word) for word in arguments])
+            status = 0
+        except SystemExit as stopped:
+            status = stopped.code
+        out, errors = capsys.readouterr()
+        assert "Traceback" not in out + errors
+        return subprocess.CompletedProcess(arguments, status, out, errors)
+
+    return run
 
 
 @pytest.fixture(scope="module")
@@ -40,38 +60,38 @@ def second(tiny_nclt):
     return open_nclt(tiny_nclt, "2031-03-17")
 
 
-def test_scans_are_located_as_a_table_json_and_csv(place_map, second, tmp_path):
+def test_scans_are_located_as_a_table_json_and_csv(place_map, second, tmp_path, here):
     names = [str(second.files[k]) for k in (0, 3)]
     shown = deepring("localize", place_map, *names, "--format", "nclt", cwd=tmp_path)
     assert shown.returncode == 0, shown.stderr
     assert "trusted" in shown.stdout
     options = ["--format", "nclt", "--as"]
-    lines = deepring("localize", place_map, *names, *options, "json", cwd=tmp_path).stdout
+    lines = here("localize", place_map, *names, *options, "json").stdout
     rows = [json.loads(line) for line in lines.splitlines()]
-    table = deepring("localize", place_map, *names, *options, "csv", cwd=tmp_path).stdout
+    table = here("localize", place_map, *names, *options, "csv").stdout
     for row, k, other in zip(rows, (0, 3), csv.DictReader(io.StringIO(table)), strict=True):
         assert math.hypot(*(second.positions[k] - [row["x"], row["y"]])) < 5
         assert row["scan"] == other["scan"] == str(second.files[k])
         assert float(other["x"]) == row["x"]
 
 
-def test_a_folder_of_ones_own_scans(place_map, second, tmp_path):
+def test_a_folder_of_ones_own_scans(place_map, second, tmp_path, here):
     (tmp_path / "scans").mkdir()
     for k in (0, 1):
         np.save(tmp_path / "scans" / f"{k}.npy", second.points(k))
-    done = deepring("localize", place_map, "scans", "--as", "json", cwd=tmp_path)
+    done = here("localize", place_map, "scans", "--as", "json")
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == 2
 
 
-def test_a_scan_that_cannot_be_located_does_not_hide_the_others(place_map, second, tmp_path):
+def test_a_scan_that_cannot_be_located_does_not_hide_the_others(place_map, second, tmp_path, here):
     good, bad = second.points(0), second.points(1).copy()
     bad[7] = np.nan
     for name, points in {"a": good, "b": bad, "c": good[:0]}.items():
         np.save(tmp_path / f"{name}.npy", points)
     (tmp_path / "d.npy").write_bytes(b"no scan")
     names = [f"{name}.npy" for name in "abcd"]
-    done = deepring("localize", place_map, *names, "--as", "json", cwd=tmp_path)
+    done = here("localize", place_map, *names, "--as", "json")
     assert done.returncode == 1
     assert [json.loads(line)["scan"] for line in done.stdout.splitlines()] == ["a.npy"]
     errors = [line for line in done.stderr.splitlines() if line.startswith("error")]
@@ -80,56 +100,56 @@ def test_a_scan_that_cannot_be_located_does_not_hide_the_others(place_map, secon
     assert "1 of" in errors[0]
 
 
-def test_info_reads_every_byte(place_map, tmp_path):
-    done = deepring("map", "info", place_map, cwd=tmp_path)
+def test_info_reads_every_byte(place_map, tmp_path, here):
+    done = here("map", "info", place_map)
     assert done.returncode == 0
     assert "DeepRING" in done.stdout
     damaged = bytearray(place_map.read_bytes())
     damaged[-9] ^= 1
     (tmp_path / "damaged.map").write_bytes(damaged)
-    refused(deepring("map", "info", "damaged.map", cwd=tmp_path), "damaged.map", "altered")
-    refused(deepring("localize", "damaged.map", place_map, cwd=tmp_path), "damaged.map", "altered")
+    refused(here("map", "info", "damaged.map"), "damaged.map", "altered")
+    refused(here("localize", "damaged.map", place_map), "damaged.map", "altered")
     (tmp_path / "short.map").write_bytes(damaged[:1000])
-    refused(deepring("map", "info", "short.map", cwd=tmp_path), "short.map", "cut short")
+    refused(here("map", "info", "short.map"), "short.map", "cut short")
 
 
-def test_mistakes_leave_nothing_behind(place_map, tiny_nclt, checkpoint, tmp_path):
+def test_mistakes_leave_nothing_behind(place_map, tiny_nclt, checkpoint, tmp_path, here):
     known = ["--checkpoint", checkpoint]
     (tmp_path / "there").write_text("mine")
-    refused(deepring(*BUILD, tiny_nclt, "-o", "there", *known, cwd=tmp_path), "exists")
+    refused(here(*BUILD, tiny_nclt, "-o", "there", *known), "exists")
     assert (tmp_path / "there").read_text() == "mine"
-    refused(deepring(*BUILD, tiny_nclt, "-o", "a.map", *known, cwd=tmp_path), "name one")
+    refused(here(*BUILD, tiny_nclt, "-o", "a.map", *known), "name one")
     session = ["--session", "2031-02-04"]
     for options, words in (
         (["--spacing", -1, *known, *session], ["--spacing -1"]),
         (["--checkpoint", "none.ckpt", *session], ["none.ckpt"]),
         ([*known, "--session", "2030-01-01"], ["2030-01-01"]),
     ):
-        refused(deepring(*BUILD, tiny_nclt, "-o", "a.map", *options, cwd=tmp_path), *words)
-    refused(deepring("localize", place_map, "nowhere", cwd=tmp_path), "nowhere")
-    refused(deepring("localize", "nothing.map", place_map, cwd=tmp_path), "nothing.map")
+        refused(here(*BUILD, tiny_nclt, "-o", "a.map", *options), *words)
+    refused(here("localize", place_map, "nowhere"), "nowhere")
+    refused(here("localize", "nothing.map", place_map), "nothing.map")
     assert {path.name for path in tmp_path.iterdir()} == {"there"}
 
 
-def test_loops_are_written_for_back_ends(tiny_nclt, checkpoint, tmp_path):
+def test_loops_are_written_for_back_ends(tiny_nclt, checkpoint, tmp_path, here):
     options = ["--checkpoint", checkpoint, "--session", "2031-02-04", "--spacing", 8]
-    done = deepring("loops", tiny_nclt, *options, "-o", "out/drive", cwd=tmp_path)
+    done = here("loops", tiny_nclt, *options, "-o", "out/drive")
     assert done.returncode == 0, done.stderr
     written = {path.name: path.read_text() for path in (tmp_path / "out").iterdir()}
     assert set(written) == {"drive.g2o", "drive.tum", "drive.json"}
     keyframes = len(json.loads(written["drive.json"])["scans"])
     assert written["drive.g2o"].count("VERTEX_SE2") == keyframes
     assert len(written["drive.tum"].splitlines()) == keyframes
-    refused(deepring("loops", tiny_nclt, *options, "-o", "out/drive", cwd=tmp_path), "exists")
+    refused(here("loops", tiny_nclt, *options, "-o", "out/drive"), "exists")
     wrong = [*options, "--recent", 0]
-    refused(deepring("loops", tiny_nclt, *wrong, "-o", "b", cwd=tmp_path), "loops.recent")
+    refused(here("loops", tiny_nclt, *wrong, "-o", "b"), "loops.recent")
     assert not list(tmp_path.glob("b.*"))
 
 
-def test_a_network_is_exported_once(checkpoint, tmp_path):
-    done = deepring("export", checkpoint, "-o", "network.onnx", cwd=tmp_path)
+def test_a_network_is_exported_once(checkpoint, tmp_path, here):
+    done = here("export", checkpoint, "-o", "network.onnx")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "network.onnx").stat().st_size > 1e5
-    refused(deepring("export", checkpoint, "-o", "network.onnx", cwd=tmp_path), "exists")
-    refused(deepring("export", "none.ckpt", "-o", "b.onnx", cwd=tmp_path), "none.ckpt")
+    refused(here("export", checkpoint, "-o", "network.onnx"), "exists")
+    refused(here("export", "none.ckpt", "-o", "b.onnx"), "none.ckpt")
     assert [path.name for path in tmp_path.iterdir()] == ["network.onnx"]

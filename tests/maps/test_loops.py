@@ -17,6 +17,12 @@ from deepring.maps.graph_files import g2o_lines, json_text, tum_lines
 from deepring.maps.loops import Loop, LoopGraph, LoopSettings, find_loops
 from deepring.maps.map import Map
 
+SETTINGS = LoopSettings(spacing=10.0, recent=40.0)
+
+
+def empty_map():
+    return Map(small_network(), rerank=RerankSettings(candidates=30))
+
 
 @pytest.fixture(scope="module")
 def there_and_back(tiny_nclt):
@@ -31,8 +37,7 @@ def there_and_back(tiny_nclt):
 
 @pytest.fixture(scope="module")
 def graph(there_and_back):
-    empty = Map(small_network(), rerank=RerankSettings(candidates=60))
-    return find_loops(there_and_back, empty, LoopSettings(spacing=4.0, recent=40.0))
+    return find_loops(there_and_back, empty_map(), SETTINGS)
 
 
 def test_loops_are_true_and_go_back_far_enough(graph, there_and_back):
@@ -58,8 +63,7 @@ def test_the_future_takes_no_part(there_and_back, graph):
         None,
         there_and_back.read,
     )
-    empty = Map(small_network(), rerank=RerankSettings(candidates=60))
-    found = find_loops(first, empty, LoopSettings(spacing=4.0, recent=40.0))
+    found = find_loops(first, empty_map(), SETTINGS)
     pairs = [(loop.keyframe, loop.earlier) for loop in found.loops]
     assert pairs == [
         (loop.keyframe, loop.earlier) for loop in graph.loops if loop.keyframe < len(found.scans)
