@@ -1,5 +1,6 @@
 """The command line as a user types it: what works, and each mistake as one clear error."""
 
+import json
 import os
 import shutil
 import signal
@@ -88,34 +89,77 @@ def test_train_then_evaluate_its_checkpoint_then_resume(tiny_nclt, tmp_path):
     assert "max_epochs: 2\n" in resumed.read_text()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["data=nclt"], ["data.root"]),
-        (["data=nclt", "data.root=nowhere"], ["nowhere"]),
-        (["data=ncltt", "data.root=x"], ["ncltt", "sim_nclt"]),
-        (["data.rooot=x"], ["rooot"]),
-        (["episode.ways=many"], ["episode.ways", "many"]),
-        (["checkpoint=gone.ckpt", "data.root={tiny}"], ["gone.ckpt"]),
-        (["data.root={tiny}", "data.database='1999-01-01'"], ["1999-01-01", "2031-02-04"]),
-        (["data.root={tiny}", "data=sim_mulran"], ["nclt"]),
-        (
-            ["data.root={tiny}", "data.regions.test=[{{disc: {{center: [9e4, 0], radius: 5}}}}]"],
-            ["data.regions.test", "spans"],
-        ),
-        (["data.root={tiny}", "data.regions.test=[{{disc: {{center: [9e4]}}}}]"], ["is no shape"]),
-        (["data.root={tiny}", "evaluation.regions=[moon]"], ["evaluation.regions", "moon"]),
-        (["data.root={tiny}", "evaluation.radii=[-1]"], ["evaluation.radii"]),
-        (["data.root={tiny}", "+methods.ring.foo=1"], ["methods.ring", "foo"]),
-        (["data.root={tiny}", "methods.ring.raster.cells=abc"], ["raster.cells", "abc"]),
-        (["data.root={tiny}", "methods.ring.raster.extent=100"], ["preprocessing.extent"]),
-        (["data.root={tiny}", "seed=-1"], ["seed"]),
-        (["data.root={tiny}", "paths.outputs=/dev/null/x"], ["/dev/null/x"]),
-    ],
-)
-def test_mistakes_of_evaluate_are_one_error_each(arguments, words, tiny_nclt, tmp_path):
-    arguments = [argument.format(tiny=tiny_nclt) for argument in arguments]
-    refused(deepring("evaluate", *arguments, cwd=tmp_path), *words)
+MISTAKES = [
+    (["data=nclt"], ["data.root"]),
+    (["data=nclt", "data.root=nowhere"], ["nowhere"]),
+    (["data=ncltt", "data.root=x"], ["ncltt", "sim_nclt"]),
+    (["data.rooot=x"], ["rooot"]),
+    (["episode.ways=many"], ["episode.ways", "many"]),
+    (["checkpoint=gone.ckpt", "data.root={tiny}"], ["gone.ckpt"]),
+    (["data.root={tiny}", "data.database='1999-01-01'"], ["1999-01-01", "2031-02-04"]),
+    (["data.root={tiny}", "data=sim_mulran"], ["nclt"]),
+    (
+        ["data.root={tiny}", "data.regions.test=[{{disc: {{center: [9e4, 0], radius: 5}}}}]"],
+        ["data.regions.test", "spans"],
+    ),
+    (["data.root={tiny}", "data.regions.test=[{{disc: {{center: [9e4]}}}}]"], ["is no shape"]),
+    (["data.root={tiny}", "evaluation.regions=[moon]"], ["evaluation.regions", "moon"]),
+    (["data.root={tiny}", "evaluation.radii=[-1]"], ["evaluation.radii"]),
+    (["data.root={tiny}", "+methods.ring.foo=1"], ["methods.ring", "foo"]),
+    (["data.root={tiny}", "methods.ring.raster.cells=abc"], ["raster.cells", "abc"]),
+    (["data.root={tiny}", "methods.ring.raster.extent=100"], ["preprocessing.extent"]),
+    (["data.root={tiny}", "seed=-1"], ["seed"]),
+    (["data.root={tiny}", "paths.outputs=/dev/null/x"], ["/dev/null/x"]),
+]
+
+#: Imports once, and runs each command of standard input in a process of its own.
+FORKED = """
+import contextlib, json, os, sys, tempfile
+import deepring.cli.experiments
+from deepring.cli.main import main
+
+for line in sys.stdin:
+    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as errors:
+        child = os.fork()
+        if child == 0:
+            os.dup2(out.fileno(), 1), os.dup2(errors.fileno(), 2)
+            try:
+                main(json.loads(line))
+                status = 0
+            except SystemExit as stopped:
+                status = stopped.code
+            sys.stdout.flush(), sys.stderr.flush()
+            os._exit(status)
+        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        out.seek(0), errors.seek(0)
+        print(json.dumps([status, out.read(), errors.read()]), flush=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def answers(tiny_nclt, tmp_path_factory):
+    """What `deepring evaluate` says to each of `MISTAKES`."""
+    commands = [
+        ["evaluate", *(argument.format(tiny=tiny_nclt) for argument in arguments)]
+        for arguments, _ in MISTAKES
+    ]
+    lines = "".join(json.dumps(command) + "\n" for command in commands)
+    done = subprocess.run(
+        [sys.executable, "-c", FORKED],
+        input=lines,
+        capture_output=True,
+        text=True,
+        cwd=tmp_path_factory.mktemp("mistakes"),
+        check=True,
+    )
+    found = [json.loads(line) for line in done.stdout.splitlines()]
+    return [subprocess.CompletedProcess(c, *f) for c, f in zip(commands, found, strict=True)]
+
+
+@pytest.mark.parametrize("case", range(len(MISTAKES)), ids=[str(words) for _, words in MISTAKES])
+def test_mistakes_of_evaluate_are_one_error_each(answers, case):
+    done = refused(answers[case], *MISTAKES[case][1])
+    assert "Traceback" not in done.stderr + done.stdout
 
 
 def test_data_check_reports_and_tells_by_its_exit_code(tiny_nclt, tmp_path):
