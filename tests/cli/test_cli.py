@@ -213,6 +213,7 @@ def test_two_processes_train_one_network(tiny_nclt, tmp_path):
     assert done.stdout.count("results      ") == 1
 
 
+@pytest.mark.slow
 def test_two_nodes_train_one_network(tiny_nclt, tmp_path):
     """As on a cluster: the same command on each node, which finds the others by its environment."""
     with socket.socket() as probe:
