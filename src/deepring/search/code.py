@@ -22,7 +22,7 @@ class CodeSettings:
     """Size of a code: 2 · frequencies · components bytes."""
 
     frequencies: int = 16
-    components: int = 16
+    components: int = 12
 
     def __post_init__(self) -> None:
         for name in ("frequencies", "components"):
