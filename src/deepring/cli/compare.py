@@ -61,7 +61,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--fixed",
         metavar="METHODS",
-        help="that learn nothing; ring,scan_context,scan_context_120 by default",
+        help="that learn nothing; RING, RING++ and both Scan Contexts by default",
     )
     parser.add_argument(
         "--train", metavar="DATASETS", help="one after the other, of conf/train; two by default"
