@@ -34,7 +34,7 @@ def images(n, cells=40, seed=0):
 
 
 @pytest.mark.parametrize(
-    "settings", [{}, {"pool": 2}, {"bins": 60, "angles": 20}, {"norm": "group"}]
+    "settings", [{}, {"pool": 2}, {"bins": 60, "angles": 20}, {"norm": "group"}, {"stem": 2}]
 )
 def test_real_arithmetic_is_the_network(settings):
     made = network(**settings)

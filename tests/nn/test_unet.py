@@ -36,6 +36,26 @@ def test_theta_shifts_by_the_stride_pass_through_exactly(norm, tau, strides):
     assert_theta_equivariant(unet, sinogram(), strides * unet.stride, tolerance=1e-12)
 
 
+@pytest.mark.parametrize("strides", [1, 2, -1])
+def test_behind_a_stem_shifts_of_its_size_times_the_stride_pass_through_exactly(strides):
+    unet = make_unet(widths=(4, 6), stem=2)
+    assert unet(sinogram()).shape == (2, 1, 12, 8)
+    assert_theta_equivariant(unet, sinogram(), 4 * strides, 2 * strides, tolerance=1e-12)
+    # One row further, neighbours land in other channels.
+    with pytest.raises(AssertionError):
+        assert_theta_equivariant(unet, sinogram(), 4 * strides + 1, 2 * strides, tolerance=1e-3)
+
+
+def test_a_stem_of_one_changes_nothing():
+    plain, stemmed = make_unet(), make_unet(stem=1)
+    assert torch.equal(plain(sinogram()), stemmed(sinogram()))
+
+
+def test_a_stem_divides_rows_and_columns():
+    with pytest.raises(DeepringError, match=r"encoder\.stem: 5, expected a divisor of 24 x 16"):
+        CircularUNet((2,), stem=5)(torch.zeros(1, 1, 24, 16))
+
+
 @pytest.mark.parametrize("strides", [1, 3])
 def test_tau_shifts_by_the_stride_pass_through_exactly_where_tau_wraps(strides):
     unet, roll = make_unet(), roll_tau(4 * strides)
@@ -126,6 +146,8 @@ def test_group_norm_takes_widths_that_eight_does_not_divide():
         ("convolutions", {"convolutions": 0}),
         ("norm", {"norm": "layer"}),
         ("tau_padding", {"tau_padding": "same"}),
+        ("stem", {"stem": 0}),
+        ("stem", {"stem": 2, "turn": "half"}),
     ],
 )
 def test_bad_arguments_are_named(name, arguments):

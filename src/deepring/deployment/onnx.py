@@ -60,7 +60,7 @@ class RealDeepRing(nn.Module):
         for name, value in {"seen": seen, "lower": lower, "upper": upper}.items():
             self.register_buffer(name, value)
         self.unit = 2.0 / raster.cells
-        columns = self.bins // self.pool
+        columns = self.bins // self.pool // settings.stem
         angle = (
             2 * math.pi / columns * torch.arange(columns)[:, None] * torch.arange(columns // 2 + 1)
         )

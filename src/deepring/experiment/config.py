@@ -46,6 +46,7 @@ class EncoderConfig:
     convolutions: int = 2
     norm: str = "batch"
     tau_padding: str = "circular"
+    stem: int = 1
 
 
 @dataclass

@@ -46,7 +46,7 @@ def _of_deepring(cfg: Config) -> dict[str, Value]:
     widths = "-".join(str(width) for width in e.widths)
     own: dict[str, Value] = {
         "aggregation": AGGREGATIONS.get(a.kind, a.kind),
-        "encoder": f"{widths} x{e.convolutions}",
+        "encoder": f"{widths} x{e.convolutions}" + (f", stem {e.stem}" if e.stem > 1 else ""),
         "input": INPUTS.get(raster, raster),
         "similarity": s.kind,
     }

@@ -158,7 +158,7 @@ def adopt_settings(cfg: Config, network: NetworkMethod) -> None:
         **{key: settings[key] for key in ("raster", "angles", "bins", "turn", "pool")}
     )
     cfg.encoder = EncoderConfig(
-        **{key: settings[key] for key in ("widths", "convolutions", "norm", "tau_padding")}
+        **{key: settings[key] for key in ("widths", "convolutions", "norm", "tau_padding", "stem")}
     )
     cfg.aggregation = AggregationConfig(settings["aggregation"])
     cfg.similarity = SimilarityConfig(settings["similarity"], settings["normalisation"])

@@ -55,6 +55,7 @@ class DeepRingSettings(PlainSettings):
     convolutions: int = 2
     norm: str = "batch"
     tau_padding: TauPadding = "circular"
+    stem: int = 1
     aggregation: str = "dft"
     normalisation: str = "unit"
     similarity: str = "correlation"
@@ -64,7 +65,7 @@ class DeepRing(NetworkMethod):
     """The network of the paper's Fig. 1. Rasters in, roto-translation invariant descriptors out.
 
     Shapes: rasters (b, n, n) -> representation (b, 1, θ, τ) -> feature E_f (b, c, θ, τ)
-    -> aggregated, M_f (b, θ, ω) -> normalised.
+    -> aggregated, M_f (b, θ, ω) -> normalised. An encoder with a stem divides θ and τ by it.
     """
 
     settings_class = DeepRingSettings
@@ -84,7 +85,7 @@ class DeepRing(NetworkMethod):
         self.representation = make_representation(
             self._raster, settings.angles, settings.bins, settings.pool, settings.turn
         )
-        columns = self.representation.columns
+        columns = self.representation.columns // settings.stem
         self.encoder = CircularUNet(
             settings.widths,
             out_channels=channels_for(settings.aggregation, columns),
@@ -92,6 +93,7 @@ class DeepRing(NetworkMethod):
             norm=settings.norm,
             tau_padding=settings.tau_padding,
             turn=settings.turn,
+            stem=settings.stem,
         )
         self.aggregate = AGGREGATIONS[settings.aggregation]
         self.normalise = NORMALISATIONS[settings.normalisation]

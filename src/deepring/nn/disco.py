@@ -1,6 +1,7 @@
 """DiSCO's feature extraction network over polar occupancy (Xu et al., RA-L 2021)."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Literal
 
 import torch.nn.functional as F
@@ -45,8 +46,14 @@ class DiscoUNet(UNet):
             )
         if padding not in ("zero", "circular"):
             raise DeepringError(f"disco.padding: {padding!r}, expected 'zero' or 'circular'")
-        super().__init__("disco.widths", widths, in_channels, 1, lambda a, b: _block(a, b, padding))
-        self.padding = padding
+        super().__init__(
+            "disco.widths",
+            widths,
+            in_channels,
+            1,
+            lambda a, b: _block(a, b, padding),
+            partial(circular_upsample, tau="zero") if padding == "circular" else _published,
+        )
         last = (self.up or self.down)[-1]
         assert isinstance(last, nn.Sequential)
         last[-1] = nn.Sigmoid()
@@ -55,11 +62,10 @@ class DiscoUNet(UNet):
         """Feature maps (b, θ, r) of polar occupancy (b, heights, θ, r)."""
         return super().forward(x)[:, 0]
 
-    def upsample(self, x: Tensor) -> Tensor:
-        """Twice θ and r, the published way or by interpolation that closes θ."""
-        if self.padding == "circular":
-            return circular_upsample(x, "zero")
-        return F.interpolate(x, scale_factor=2, mode="bilinear", align_corners=True)
+
+def _published(x: Tensor) -> Tensor:
+    """Twice θ and r, as the published code does."""
+    return F.interpolate(x, scale_factor=2, mode="bilinear", align_corners=True)
 
 
 def _block(in_channels: int, out_channels: int, padding: PolarPadding) -> nn.Sequential:
