@@ -1,23 +1,29 @@
 """An episode of training: forward, backward and step over 24 ways of 7 scans."""
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import torch
 from scenes import places
 from timing import Row, timed
 
+from deepring.core.radon import radon
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.training.losses import OneShotCrossEntropy
 
 WAYS, SCANS = 24, 7
 
+#: `encoder=unet_small` with `representation.pool=2`, and `encoder=unet_stem`.
 SMALL = {"pool": 2, "widths": [8, 16, 32], "convolutions": 1}
+STEM = {"stem": 2, "widths": [16, 32, 64], "convolutions": 1}
 
 
-def episode(device: str, *, channels_last: bool, bfloat16: bool) -> Callable[[], object]:
+def episode(
+    settings: dict[str, Any], device: str, *, channels_last: bool, bfloat16: bool
+) -> Callable[[], object]:
     torch.manual_seed(0)
     rasters = places(WAYS * SCANS).to(device)
-    network = DeepRing(DeepRingSettings(**SMALL)).to(device)
+    network = DeepRing(DeepRingSettings(**settings)).to(device)
     if channels_last:
         network = network.to(memory_format=torch.channels_last)
     loss = OneShotCrossEntropy().to(device)
@@ -40,15 +46,19 @@ def episode(device: str, *, channels_last: bool, bfloat16: bool) -> Callable[[],
 
 
 def training_stages(runs: int, device: str = "cpu") -> Iterator[Row]:
-    """The small network, by memory format and precision."""
+    """Both networks by memory format, the small one by precision, and what sinograms take."""
     few = max(3, runs // 10) if device == "cpu" else runs
-    for channels_last in (False, True):
-        for bfloat16 in (False, True):
-            words = [
-                "DeepRING small",
-                *(["channels last"] if channels_last else []),
-                *(["bfloat16"] if bfloat16 else []),
-            ]
-            step = episode(device, channels_last=channels_last, bfloat16=bfloat16)
-            seconds = timed(step, few)
-            yield Row("training", ", ".join(words), WAYS * SCANS, *seconds, "episode")
+    rasters = places(WAYS * SCANS).to(device)
+    seconds = timed(lambda: radon(rasters, 120, 120), few)
+    yield Row("training", "sinograms of an episode", WAYS * SCANS, *seconds, "episode")
+    for name, settings in (("DeepRING small", SMALL), ("DeepRING with a stem", STEM)):
+        for channels_last in (False, True):
+            for bfloat16 in (False, True) if settings is SMALL or device != "cpu" else (False,):
+                words = [
+                    name,
+                    *(["channels last"] if channels_last else []),
+                    *(["bfloat16"] if bfloat16 else []),
+                ]
+                step = episode(settings, device, channels_last=channels_last, bfloat16=bfloat16)
+                seconds = timed(step, few)
+                yield Row("training", ", ".join(words), WAYS * SCANS, *seconds, "episode")

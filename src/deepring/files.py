@@ -1,10 +1,14 @@
 """Files that appear whole or not at all."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from deepring.errors import DeepringError
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 
 def part_of(path: Path) -> Path:
@@ -31,6 +35,18 @@ def replacing(path: Path | str) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             temporary.unlink()
+
+
+def write_tensors(path: Path, tensors: Mapping[str, "Tensor"], metadata: Mapping[str, str]) -> None:
+    """Write a safetensors file as `replacing` does, with a new file's usual permissions."""
+    from safetensors.torch import save_file
+
+    whole = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    with replacing(path) as temporary:
+        temporary.touch()
+        usual = temporary.stat().st_mode
+        save_file(whole, temporary, dict(metadata))
+        temporary.chmod(usual)  # safetensors leaves it to its owner alone
 
 
 def write_whole(path: Path, chunks: Iterable[bytes]) -> None:

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from deepring.cli.map import add_drive, network_of, open_drive
+from deepring.cli.map import add_drive, add_network, network_of, open_drive
 from deepring.cli.report import console
 from deepring.errors import DeepringError
 from deepring.files import replacing
@@ -15,7 +15,7 @@ from deepring.progress import progress_bar
 
 
 def loops_command(arguments: Sequence[str]) -> None:
-    """``deepring loops FOLDER --checkpoint CKPT -o OUT``: OUT.g2o, OUT.tum and OUT.json."""
+    """``deepring loops FOLDER -o OUT``: OUT.g2o, OUT.tum and OUT.json."""
     args = _parser().parse_args(arguments)
     files = {ending: Path(f"{args.output}.{ending}") for ending in ("g2o", "tum", "json")}
     for path in files.values():
@@ -51,6 +51,7 @@ def _parser() -> argparse.ArgumentParser:
         "closures that are trusted: a g2o graph, the keyframes' poses in TUM's format, and JSON.",
     )
     add_drive(parser)
+    add_network(parser)
     parser.add_argument("-o", dest="output", metavar="OUT", required=True, help="without ending")
     usual, trust = LoopSettings(), Trust()
     parser.add_argument(

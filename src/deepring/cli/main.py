@@ -24,7 +24,7 @@ commands:
   localize    where were scans taken?              deepring localize MAP SCAN...
   loops       loop closures of a drive             deepring loops FOLDER -o OUT
   report      a run as one HTML page               deepring report outputs/demo/latest
-  export      a trained network as ONNX            deepring export CHECKPOINT -o FILE
+  export      a trained network as one file        deepring export CHECKPOINT -o FILE
   simulate    write a simulated dataset            deepring simulate nclt -o FOLDER
   data        look at a dataset before using it    deepring data check FOLDER
 

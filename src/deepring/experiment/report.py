@@ -19,6 +19,7 @@ from deepring.experiment.evaluate import load_task
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.run_folder import read_config
 from deepring.methods.deepring import DeepRing
+from deepring.methods.network_file import SHIPPED
 from deepring.viz import html
 from deepring.viz.failures import Shown, failure_figure
 
@@ -82,7 +83,8 @@ def _failures(run: Path, cfg: Config, radius: float, count: int) -> Iterator[str
     """The wrong answers of the highest scores, drawn."""
     checkpoints = [run / "checkpoints" / name for name in ("best.ckpt", "last.ckpt")]
     given = [] if cfg.checkpoint is None else [Path(cfg.checkpoint)]
-    checkpoint = next((c for c in (*given, *checkpoints) if c.is_file()), None)
+    there = (c for c in (*given, *checkpoints) if c.is_file() or str(c) == SHIPPED)
+    checkpoint = next(there, None)
     if checkpoint is None:
         yield html.paragraph("No checkpoint lies in the run: failures are drawn of networks alone.")
         return

@@ -118,6 +118,11 @@ def _check_resume(cfg: Config, module: PlaceModule) -> None:
     """Refuse to resume what is no checkpoint, or one of another network or loss."""
     if cfg.resume is None:
         return
+    if not cfg.resume.endswith(".ckpt"):
+        raise DeepringError(
+            f"resume: {cfg.resume}, expected the .ckpt of a run, which holds the state of the "
+            "training and not the network alone"
+        )
     method, _, loss = load_network(cfg.resume)
     kept = {"method": method.settings.label, **method.settings.to_dict(), "loss": loss}
     own = module.method.settings

@@ -74,11 +74,11 @@ def find_loops(
         raise DeepringError(f"map: holds {len(empty)} places, expected none")
     everywhere = np.ones(len(session.files), dtype=np.bool_)
     scans = sample_by_distance(session.positions, settings.spacing, everywhere)
-    driven = _driven(session.positions)[scans]
+    path = path_lengths(session.positions)[scans]
     loops: list[Loop] = []
     for k, scan in enumerate(scans):
         points = session.points(int(scan))
-        past = int(np.searchsorted(driven, driven[k] - settings.recent))
+        past = int(np.searchsorted(path, path[k] - settings.recent))
         if past:
             found = empty.localize(points, before=past)
             if found.trusted:
@@ -90,7 +90,7 @@ def find_loops(
     return LoopGraph(scans, session.poses[scans], stamps, loops)
 
 
-def _driven(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+def path_lengths(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Metres of path up to each scan (n,)."""
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])

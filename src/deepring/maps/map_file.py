@@ -13,11 +13,10 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor
 
 from deepring.errors import DeepringError
-from deepring.files import replacing
+from deepring.files import write_tensors
 
 #: Raise when what a file holds, or what it means, changes.
 FORMAT_VERSION = 1
@@ -32,8 +31,7 @@ def write_map(path: Path, header: Mapping[str, Any], tensors: Mapping[str, Tenso
     sums = {name: _sum_of(tensor) for name, tensor in whole.items()}
     text = json.dumps({"version": FORMAT_VERSION, "tensors": sums, **header}, sort_keys=True)
     sealed = json.dumps({"header": text, "sha256": _sha256(text.encode())})
-    with replacing(path) as temporary:
-        save_file(whole, temporary, {_KEY: sealed})
+    write_tensors(path, whole, {_KEY: sealed})
 
 
 def read_map(path: Path) -> tuple[dict[str, Any], dict[str, Tensor]]:

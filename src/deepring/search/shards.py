@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor
 
 from deepring.errors import DeepringError
-from deepring.files import replacing
+from deepring.files import write_tensors
 from deepring.search.rows import Block
 
 #: Raise when what a folder holds, or what it means, changes.
@@ -27,7 +26,7 @@ _KEY = "deepring_index"
 
 def write_shard(folder: Path, number: int, block: Block) -> None:
     """Write one block, whole or not at all."""
-    _write(folder / f"{number:05d}.safetensors", block, {})
+    write_tensors(folder / f"{number:05d}.safetensors", block, {})
 
 
 def write_header(
@@ -35,7 +34,7 @@ def write_header(
 ) -> None:
     """Write what all rows share, and how many rows each shard holds."""
     header = {"version": FORMAT_VERSION, "lengths": lengths, **values}
-    _write(folder / _HEADER, tensors, {_KEY: json.dumps(header)})
+    write_tensors(folder / _HEADER, tensors, {_KEY: json.dumps(header)})
 
 
 def read_header(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
@@ -70,12 +69,6 @@ def read_shards(folder: Path, lengths: list[int]) -> list[Block]:
             raise DeepringError(f"index {path}: holds {sorted(found)} rows, expected {length}")
         blocks.append(block)
     return blocks
-
-
-def _write(path: Path, tensors: Mapping[str, Tensor], metadata: dict[str, str]) -> None:
-    whole = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
-    with replacing(path) as temporary:
-        save_file(whole, temporary, metadata)
 
 
 def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:

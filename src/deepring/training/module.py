@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import lightning as L
 import torch
@@ -14,6 +14,12 @@ from deepring.errors import DeepringError
 from deepring.evaluation.metrics import PlaceAUC, RecallAtK
 from deepring.evaluation.retrieval import describe_all
 from deepring.methods.network import NetworkMethod, class_path, network_class
+from deepring.methods.network_file import (
+    SHIPPED,
+    NetworkFile,
+    read_network,
+    shipped_network,
+)
 from deepring.training.losses import OneShotCrossEntropy
 from deepring.training.steps import take_step
 
@@ -99,23 +105,17 @@ class PlaceModule(L.LightningModule):
         return {"optimizer": optimizer, "lr_scheduler": self.make_scheduler(optimizer)}
 
 
-class TrainedNetwork(NamedTuple):
-    """What a checkpoint holds."""
-
-    method: NetworkMethod
-    """In evaluation mode, with the preprocessing it was trained with."""
-    trained_on: str
-    """Names of the training datasets, joined by '+'."""
-    loss: str
-    """Class name of the loss."""
-
-
-def load_network(checkpoint: Path | str) -> TrainedNetwork:
-    """The network of a checkpoint, on the CPU.
+def load_network(checkpoint: Path | str) -> NetworkFile:
+    """The network of a checkpoint or of an exported .safetensors file, on the CPU; 'shipped' is
+    the one that comes with the package.
 
     Raises DeepringError where the file is missing or holds no checkpoint of a method.
     """
+    if str(checkpoint) == SHIPPED:
+        return shipped_network()
     path = Path(checkpoint)
+    if path.suffix == ".safetensors":
+        return read_network(path)
     if not path.is_file():
         raise DeepringError(
             f"checkpoint: {path} is no file; give the .ckpt of a run, such as "
@@ -139,4 +139,4 @@ def load_network(checkpoint: Path | str) -> TrainedNetwork:
             f"checkpoint: {path} is no whole checkpoint of this version "
             f"({type(error).__name__}); take another, or delete it to train anew"
         ) from error
-    return TrainedNetwork(method.eval(), str(kept["trained_on"]), str(kept["loss"]))
+    return NetworkFile(method.eval(), str(kept["trained_on"]), str(kept["loss"]))

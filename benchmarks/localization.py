@@ -1,0 +1,103 @@
+"""How scans of one drive are located in a map of another, and when to trust it.
+
+    python benchmarks/localization.py sim_nclt=outputs/datasets/sim_nclt_seed0 \\
+      sim_mulran=outputs/datasets/sim_mulran_seed0 kitti=FOLDER [--blind 90] [--calibrate 0.99]
+
+Each DATA=FOLDER is a file of conf/data: its test region (the whole drive where it has none), its
+two sessions or a drive's first passes and revisits, its spacings. Right is within 2 m and 5°.
+--blind takes a sector of each query away, at a random angle. --calibrate prints the thresholds
+that reach a precision on all of them together; otherwise the usual thresholds are judged.
+"""
+
+import argparse
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import torch
+from omegaconf import OmegaConf
+
+from deepring.core.rigid import pose_from, rotation_from_rpy, turn_points
+from deepring.data.cache import ScanSet
+from deepring.data.dataset import DatasetConfig, PlaceDataset, RetrievalSet
+from deepring.maps.calibration import Right, Trials, calibrate, join, outcome, try_out
+from deepring.maps.map import Map, Trust
+from deepring.training.module import load_network
+
+CONF = Path(__file__).parents[1] / "conf" / "data"
+
+
+def retrieval(name: str, root: str, spacing: float | None, whole: bool) -> RetrievalSet:
+    config = OmegaConf.merge(
+        OmegaConf.structured(DatasetConfig),
+        OmegaConf.load(CONF / f"{name}.yaml"),
+        {"root": root},
+        {} if spacing is None else {"spacing": {"database": spacing}},
+    )
+    dataset = PlaceDataset(OmegaConf.to_object(config))
+    whole = whole or config.regions.test is None
+    return dataset.retrieval("whole" if whole else "test")
+
+
+def map_of(scans: ScanSet, network) -> Map:
+    held = Map(network, scans.ground_z)
+    for k in scans.indices.tolist():
+        held.add([scans.session.points(k)], scans.session.poses[k : k + 1], [str(k)])
+    return held
+
+
+def queries(scans: ScanSet, blind: float, seed: int) -> Iterator:
+    rng = np.random.default_rng(seed)
+    yaws = np.zeros(len(scans)) if scans.yaws is None else scans.yaws
+    for k, yaw in zip(scans.indices.tolist(), yaws, strict=True):
+        points = turn_points(scans.session.points(k), float(yaw))
+        away = np.degrees(np.arctan2(points[:, 1], points[:, 0])) - rng.uniform(0, 360)
+        # Points that are turned by +yaw are those of a sensor that looks -yaw away.
+        turn = pose_from(rotation_from_rpy(0, 0, -float(yaw)), np.zeros(3))
+        yield points[away % 360 >= blind], scans.session.poses[k] @ turn
+
+
+def row(name: str, trials: Trials, trust: Trust, seconds: float) -> str:
+    wanted = Right()
+    right, near = trials.right(wanted), trials.nearest <= 10
+    found = outcome(trials, trust, wanted)
+    place = trials.metres[near] < 10
+    return (
+        f"| {name} | {len(right)} | {np.mean(place):.3f} | {np.mean(right[near][place]):.3f} | "
+        f"{np.median(trials.metres[right]):.2f} | {np.median(trials.degrees[right]):.2f} | "
+        f"{found.precision:.3f} | {found.recall:.3f} | {seconds * 1e3:.0f} |"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("data", nargs="+", metavar="DATA=FOLDER")
+    parser.add_argument("--checkpoint", default="shipped")
+    parser.add_argument("--spacing", type=float, help="metres between map places")
+    parser.add_argument("--whole", action="store_true", help="drives and not test regions")
+    parser.add_argument("--blind", type=float, default=0.0, help="degrees")
+    parser.add_argument("--calibrate", type=float, metavar="PRECISION")
+    parser.add_argument("--seed", type=int, default=0, help="of the blind sectors")
+    args = parser.parse_args()
+    torch.set_num_threads(1)
+    network = load_network(args.checkpoint).method
+    print("| | queries | within 10 m | of them right | m | ° | precision | recall | ms |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    every = []
+    for item in args.data:
+        name, _, root = item.partition("=")
+        split = retrieval(name, root, args.spacing, args.whole)
+        held = map_of(split.database, network)
+        scans = list(queries(split.query, args.blind, args.seed))
+        held.localize(scans[0][0])  # compiles
+        started = time.perf_counter()
+        every.append(try_out(held, scans))
+        seconds = (time.perf_counter() - started) / len(scans)
+        print(row(Path(root).name, every[-1], Trust(), seconds), flush=True)
+    if args.calibrate:
+        print(calibrate(join(every), args.calibrate))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,79 @@
+"""A network in a safetensors file is the same network; other files say what they are."""
+
+import json
+
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from deepring.core.rasters import BevRaster, PointsRaster, raster_settings
+from deepring.errors import DeepringError
+from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.network_file import (
+    NetworkFile,
+    read_network,
+    shipped_network,
+    write_network,
+)
+from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
+from deepring.training.module import load_network
+
+
+def small():
+    raster = raster_settings(BevRaster())
+    return DeepRing(DeepRingSettings(raster, pool=2, widths=(4, 8), convolutions=1)).eval()
+
+
+@pytest.fixture
+def written(tmp_path):
+    write_network(tmp_path / "a.safetensors", NetworkFile(small(), "campus+city", "CrossEntropy"))
+    return tmp_path / "a.safetensors"
+
+
+def images(n=2):
+    return torch.rand(n, 120, 120, generator=torch.Generator().manual_seed(0)) < 0.05
+
+
+def test_written_and_read_it_describes_the_same(tmp_path):
+    network = small()
+    write_network(tmp_path / "a.safetensors", NetworkFile(network, "campus", "CrossEntropy"))
+    again, trained_on, loss = load_network(tmp_path / "a.safetensors")
+    assert torch.equal(again.describe(images()), network.describe(images()))
+    assert (trained_on, loss) == ("campus", "CrossEntropy")
+    assert not again.training
+
+
+def test_other_methods_travel_as_well(tmp_path):
+    raster = raster_settings(PointsRaster(count=64))
+    settings = PointNetVladSettings(raster, clusters=4)
+    write_network(tmp_path / "p.safetensors", NetworkFile(PointNetVlad(settings), "campus", "L"))
+    assert isinstance(read_network(tmp_path / "p.safetensors").method, PointNetVlad)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.9])
+def test_a_file_cut_short(written, share):
+    content = written.read_bytes()
+    written.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(DeepringError, match="no whole network"):
+        read_network(written)
+
+
+def test_files_that_are_none(written, tmp_path):
+    with pytest.raises(DeepringError, match="no file"):
+        read_network(tmp_path / "none.safetensors")
+    save_file({"x": torch.zeros(1)}, tmp_path / "x.safetensors")
+    with pytest.raises(DeepringError, match="no whole network"):
+        read_network(tmp_path / "x.safetensors")
+    weights = load_file(written)
+    save_file(weights, written, {"deepring_network": json.dumps({"version": 99})})
+    with pytest.raises(DeepringError, match="format version 99, expected 1"):
+        read_network(written)
+
+
+def test_the_shipped_network_is_trained_and_small():
+    network, trained_on, _ = shipped_network()
+    assert isinstance(network, DeepRing)
+    assert sum(p.numel() for p in network.parameters()) < 100_000
+    assert "campus" in trained_on
+    assert "city" in trained_on
+    assert load_network("shipped").method.settings == network.settings
