@@ -18,7 +18,7 @@ from deepring.core.radon import radon
 from deepring.core.rasters import BevRaster
 from deepring.core.rigid import yaw_of
 from deepring.core.row_alignment import align_rows
-from deepring.data.formats import FORMATS, list_sessions, open_session
+from deepring.data.formats import FORMATS, ground_of, list_sessions, open_session
 
 BINS = ((0, 10), (10, 20), (20, 35))
 
@@ -40,7 +40,7 @@ def main() -> None:
     settings, raster, rng = AlignmentSettings(), BevRaster(), np.random.default_rng(0)
 
     def image(session, k: int) -> torch.Tensor:
-        return torch.from_numpy(raster(session.points(int(k)), FORMATS[args.format].ground_z))
+        return torch.from_numpy(raster(session.points(int(k)), ground_of(session, args.format)))
 
     print("| metres | pairs | success | median m | median ° | ms |")
     print("| --- | ---: | ---: | ---: | ---: | ---: |")

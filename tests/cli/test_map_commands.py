@@ -8,10 +8,14 @@ import subprocess
 
 import numpy as np
 import pytest
+import yaml
+from scipy.spatial.transform import Rotation
 from test_cli import SMALL, deepring, refused
 
 from deepring.cli.main import main
+from deepring.core.rigid import pose_from
 from deepring.data.nclt import open_nclt
+from deepring.maps.map import Map
 
 BUILD = ("map", "build")
 
@@ -153,3 +157,69 @@ def test_a_network_is_exported_once(checkpoint, tmp_path, here):
     refused(here("export", checkpoint, "-o", "network.onnx"), "exists")
     refused(here("export", "none.ckpt", "-o", "b.onnx"), "none.ckpt")
     assert [path.name for path in tmp_path.iterdir()] == ["network.onnx"]
+
+
+@pytest.fixture
+def own_drive(tiny_nclt, tmp_path):
+    """Both drives of the tiny streets in one YAML file, the sensor upside down 1.5 m up."""
+    described = {"sensor_height": 1.5, "up": "-z", "pose_format": "tum", "drives": {}}
+    for name, date in (("first", "2031-02-04"), ("second", "2031-03-17")):
+        session = open_nclt(tiny_nclt, date)
+        lifted = session.poses @ pose_from(np.eye(3), [0, 0, 1.5])
+        hangs = lifted @ np.diag([1.0, -1, -1, 1])
+        turns = Rotation.from_matrix(hangs[:, :3, :3]).as_quat()
+        folder = tmp_path / name
+        folder.mkdir()
+        stamps = session.stamps / 1e9
+        np.savetxt(tmp_path / f"{name}.tum", np.column_stack([stamps, hangs[:, :3, 3], turns]))
+        for k, points in enumerate(session):
+            np.save(folder / f"{k}.npy", (points - np.float32([0, 0, 1.5])) * [1, -1, -1])
+        described["drives"][name] = {"scans": name, "poses": f"{name}.tum"}
+    path = tmp_path / "drive.yaml"
+    path.write_text(yaml.safe_dump(described))
+    return path
+
+
+def test_a_drive_of_ones_own_is_taken_wherever_a_dataset_is(
+    own_drive, tiny_nclt, checkpoint, tmp_path, here
+):
+    checked = here("data", "check", "drive.yaml")
+    assert checked.returncode == 0, checked.stderr
+    assert {"first", "second"} <= set(checked.stdout.split())
+    known = ["--checkpoint", checkpoint]
+    built = [*known, "--spacing", 0, "--session"]
+    done = here(*BUILD, "drive.yaml", "-o", "own.map", *built, "first")
+    assert done.returncode == 0, done.stderr
+    assert "-1.5 m in the scans' frame" in done.stdout
+    assert here(*BUILD, tiny_nclt, "-o", "nclt.map", *built, "2031-02-04").returncode == 0
+    # The map is that of the drive as its own reader gives it, but for the sensor's height.
+    own, nclt = (Map.open(tmp_path / f"{name}.map") for name in ("own", "nclt"))
+    assert len(own) == len(nclt) > 50
+    lifted = nclt.poses.numpy() @ pose_from(np.eye(3), [0, 0, 1.5])
+    np.testing.assert_allclose(own.poses.numpy(), lifted, atol=1e-9)
+    assert (own.images != nclt.images).float().mean() < 0.01  # bytes; heights are rounded
+    done = here("loops", "drive.yaml", "-o", "out", *known, "--session", "second", "--spacing", 8)
+    assert done.returncode == 0, done.stderr
+    done = here("case-study", "drive.yaml", "--pairs", 2, "-o", "study")
+    assert done.returncode == 0, done.stderr
+    assert "drive.yaml, first" in done.stdout
+
+
+def test_mistakes_in_a_drive_of_ones_own_are_named(own_drive, checkpoint, tmp_path, here):
+    known = ["--checkpoint", checkpoint]
+    refused(here(*BUILD, "drive.yaml", "-o", "a.map", *known), "first, second", "name one")
+    refused(here(*BUILD, "none.yaml", "-o", "a.map", *known), "none.yaml", "cannot be read")
+    own_drive.write_text(own_drive.read_text().replace("up: -z", "up: down"))
+    refused(here("data", "check", "drive.yaml"), "drive.yaml", "up: 'down'", "-z")
+    own_drive.write_text("scans: [velodyne")
+    refused(here("loops", "drive.yaml", "-o", "a", *known), "drive.yaml", "no YAML")
+    assert not list(tmp_path.glob("a.*"))
+
+
+def test_a_network_is_evaluated_on_a_drive_of_ones_own(own_drive, checkpoint, here):
+    options = ["data=own", "data.root=drive.yaml", "evaluation.regions=[whole]"]
+    options += ["data.split=sessions", "data.database=first", "data.query=second"]
+    options += ["evaluation.figures=false", "data.spacing.query=20"]
+    done = here("evaluate", f"checkpoint={checkpoint}", *options)
+    assert done.returncode == 0, done.stderr
+    assert "Recall@1" in done.stdout

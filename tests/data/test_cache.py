@@ -116,6 +116,25 @@ class Plain:
     dtype: Any
 
 
+@dataclass(frozen=True)
+class Settled:
+    """A reader with a setting."""
+
+    lift: float
+
+    def __call__(self, path):
+        return read_npy(path) + np.float32([0, 0, self.lift])
+
+
+def test_a_readers_settings_are_part_of_it(tmp_path):
+    cache = RasterCache(tmp_path / "cache")
+    for lift, drawn in ((0.0, 2), (0.0, 2), (3.0, 4)):
+        scans = scan_set(tmp_path / "s", n=2)
+        scans = replace(scans, session=session(tmp_path / "s", n=2, read=Settled(lift)))
+        cache.load(scans, SMALL)
+        assert len(reads) == drawn
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 4), st.integers(1, 13), st.integers(1, 13), st.integers(0, 99))
 def test_packing_round_trips_at_any_size(n, rows, columns, seed):

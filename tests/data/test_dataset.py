@@ -238,6 +238,15 @@ def test_a_drive_without_revisits_says_so(revisited):
         revisited(laps(rounds=1, n=100), revisit_radius=1.0).retrieval("whole")
 
 
+def test_the_ground_is_the_configs_or_else_the_sessions(revisited):
+    knows = replace(laps(), ground_z=-1.2)
+    for session, ground_z, expected in ((knows, None, -1.2), (knows, -2.0, -2.0), (laps(), 0, 0)):
+        split = revisited(session, ground_z=ground_z).retrieval("whole")
+        assert split.database.ground_z == split.query.ground_z == expected
+    with pytest.raises(DeepringError, match=r"data\.ground_z: null, but session laps"):
+        revisited(laps(), ground_z=None).retrieval("whole")
+
+
 def test_distances_are_taken_in_float64():
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[:, :2, 3] = np.array([[0.0, 0], [3, 4], [0.01, 0]]) + np.array([345090.0743, 4037591.323])

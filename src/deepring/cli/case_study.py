@@ -14,7 +14,14 @@ from rich.table import Table
 
 from deepring.cli.report import console
 from deepring.core.rasters import BevRaster
-from deepring.data.formats import FORMATS, detect_format, list_sessions, open_session
+from deepring.data.drive_file import is_drive_file
+from deepring.data.formats import (
+    FORMATS,
+    detect_format,
+    ground_of,
+    list_sessions,
+    open_session,
+)
 from deepring.data.kitti import read_kitti_scan
 from deepring.data.mulran import read_mulran_scan
 from deepring.data.nclt import read_nclt_scan
@@ -35,6 +42,7 @@ from deepring.progress import progress_bar
 from deepring.viz.case_study import error_figure, pair_figure
 from deepring.viz.style import save
 
+#: Of files that are named by hand.
 READERS: dict[str, Callable[[Path], Points]] = {
     "nclt": read_nclt_scan,
     "mulran": read_mulran_scan,
@@ -59,6 +67,8 @@ class Source(NamedTuple):
 
     title: str
     format: str
+    read: Callable[[Path], Points]
+    ground_z: float
     files: Sequence[Path]
     positions: NDArray[np.float64] | None  # (n, 2) metres; None for scans without poses
 
@@ -68,7 +78,6 @@ def case_study_command(arguments: Sequence[str]) -> None:
     args = _parser().parse_args(arguments)
     _check(args)
     source = _source(args.paths, args.format, args.session)
-    ground_z = GROUND_Z[source.format]
     left_out: list[str] = []
     scans = _readable(source, args.seed, left_out)
     first = next(scans, None)
@@ -77,10 +86,11 @@ def case_study_command(arguments: Sequence[str]) -> None:
             f"{source.title}: none of its {len(source.files)} scans can be used "
             f"(first: {left_out[0]})"
         )
-    pair = case_pair(first.points, _motion(args), ground_z, args.seed)
+    pair = case_pair(first.points, _motion(args), source.ground_z, args.seed)
     repeats = math.ceil(args.pairs / len(source.files))
     with progress_bar("moving scans") as progress:
-        rows = measure(chain([first], scans), ground_z, args.pairs, repeats, args.seed, progress)
+        every = chain([first], scans)
+        rows = measure(every, source.ground_z, args.pairs, repeats, args.seed, progress)
     figures = {
         "case_study.png": pair_figure(pair),
         "case_study_error.png": error_figure(rows, source.title),
@@ -102,7 +112,7 @@ def _parser() -> argparse.ArgumentParser:
         nargs="+",
         type=Path,
         metavar="DATASET | FILE",
-        help="a dataset's folder, or scan files of different places (with --format)",
+        help="a dataset's folder or drive.yaml, or scan files of different places (with --format)",
     )
     parser.add_argument("--session", help="of the dataset; the first by default")
     parser.add_argument("--format", choices=list(FORMATS), help="told from a folder by default")
@@ -136,21 +146,22 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _source(paths: Sequence[Path], format: str | None, session: str | None) -> Source:
-    if len(paths) == 1 and not paths[0].is_file():
+    if len(paths) == 1 and (is_drive_file(paths[0]) or not paths[0].is_file()):
         return _dataset(paths[0], format, session)
     others = [str(path) for path in paths if not path.is_file()]
     if others:
         raise DeepringError(f"{others[0]}: is no file; expected one dataset, or scan files alone")
-    if format is None:
+    if format not in READERS:
         raise DeepringError(
             f"{paths[0]}: a scan file does not tell its format; add --format, one of "
-            + ", ".join(FORMATS)
+            + ", ".join(READERS)
         )
     if session is not None:
         raise DeepringError(f"--session {session}: expected a dataset's folder with it, no files")
     if len({path.resolve() for path in paths}) < len(paths):
         raise DeepringError("FILE: the same scan twice; expected scans of different places")
-    return Source(", ".join(path.name for path in paths), format, paths, None)
+    title = ", ".join(path.name for path in paths)
+    return Source(title, format, READERS[format], GROUND_Z[format], paths, None)
 
 
 def _dataset(root: Path, format: str | None, name: str | None) -> Source:
@@ -161,7 +172,8 @@ def _dataset(root: Path, format: str | None, name: str | None) -> Source:
     session = open_session(format, root, name or names[0])
     folder = root.resolve().name
     title = folder if folder == session.name else f"{folder}, {session.name}"
-    return Source(title, format, session.files, session.positions)
+    ground_z = ground_of(session, format)
+    return Source(title, format, session.read, ground_z, session.files, session.positions)
 
 
 def _readable(source: Source, seed: int, left_out: list[str]) -> Iterator[Scan]:
@@ -185,9 +197,9 @@ def _readable(source: Source, seed: int, left_out: list[str]) -> Iterator[Scan]:
 
 def _points(source: Source, file: Path) -> Points:
     """Points that leave something to see. Raises BrokenScanError."""
-    points = READERS[source.format](file)
+    points = source.read(file)
     bev = BevRaster()
-    if not bev(points, GROUND_Z[source.format]).any():
+    if not bev(points, source.ground_z).any():
         raise BrokenScanError(
             f"{file}: {len(points)} points as {source.format}, none of them above the ground "
             f"within {bev.extent:g} m; check the file and --format"

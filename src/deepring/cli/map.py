@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deepring.cli.report import console
 from deepring.data.cache import Progress
-from deepring.data.formats import FORMATS, detect_format, open_session
+from deepring.data.formats import FORMATS, detect_format, ground_of, open_session
 from deepring.data.sampling import sample_by_distance
 from deepring.data.scan import Points, Session
 from deepring.errors import DeepringError
@@ -135,21 +135,21 @@ def expect_new(path: Path) -> None:
 
 def add_drive(parser: argparse.ArgumentParser) -> None:
     """Options that say which drive."""
-    parser.add_argument("root", type=Path, metavar="FOLDER", help="of the dataset")
+    parser.add_argument("root", type=Path, metavar="FOLDER", help="of the dataset, or drive.yaml")
     parser.add_argument("--format", choices=list(FORMATS), help="told from the folder by default")
     parser.add_argument("--session", help="where the folder holds several")
     parser.add_argument(
         "--ground-z",
         type=float,
-        help="z of the ground under the sensor in the scans' frame, metres; the format's usual",
+        help="z of the ground under the sensor in the scans' frame, metres; the drive's own",
     )
 
 
 def open_drive(args: argparse.Namespace) -> tuple[Session, float]:
     """The drive that `add_drive`'s options name, and z of the ground in its scans' frame."""
     format = args.format or detect_format(args.root)
-    ground_z = FORMATS[format].ground_z if args.ground_z is None else args.ground_z
-    return open_session(format, args.root, args.session), ground_z
+    session = open_session(format, args.root, args.session)
+    return session, ground_of(session, format) if args.ground_z is None else args.ground_z
 
 
 def add_network(parser: argparse.ArgumentParser) -> None:

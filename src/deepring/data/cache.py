@@ -11,7 +11,7 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -187,10 +187,9 @@ class _Key:
 
 
 def _keys(scans: ScanSet, raster: Raster) -> list[_Key]:
-    reader = scans.session.read
     everything = {
         "version": RASTER_VERSION,
-        "reader": f"{reader.__module__}.{reader.__qualname__}",
+        "reader": _reader(scans.session.read),
         "raster": raster_settings(raster),
         "ground_z": scans.ground_z,
     }
@@ -210,6 +209,13 @@ def _keys(scans: ScanSet, raster: Raster) -> list[_Key]:
             digests[yaw] = hashlib.sha256(settings).digest()
         keys.append(_Key(digests[yaw], str(path), size, changed))
     return keys
+
+
+def _reader(read: Callable[[Path], Any]) -> str:
+    """What tells a reader from another: its name, or its type and settings where it has some."""
+    if is_dataclass(read):
+        return f"{type(read).__module__}.{read!r}"
+    return f"{read.__module__}.{read.__qualname__}"
 
 
 def _find(database: sqlite3.Connection, keys: list[_Key]) -> list[bytes | None]:

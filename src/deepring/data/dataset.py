@@ -61,8 +61,8 @@ class DatasetConfig:
     split: str = "sessions"
     revisit_radius: float = 10.0
     revisit_apart: float = 100.0
-    #: z of the ground under the sensor in the scan's frame, metres.
-    ground_z: float = 0.0
+    #: z of the ground under the sensor in the scan's frame, metres; None takes the session's.
+    ground_z: float | None = 0.0
     #: Seed of a random turn of each query; None turns none.
     query_yaw_seed: int | None = None
     #: Further options of the reader, such as pose_tolerance.
@@ -208,7 +208,16 @@ class PlaceDataset:
         yaws = None
         if yaw_seed is not None:
             yaws = np.random.default_rng(yaw_seed).uniform(0, 2 * np.pi, len(indices))
-        return ScanSet(session, indices, self.config.ground_z, yaws)
+        return ScanSet(session, indices, self._ground_z(session), yaws)
+
+    def _ground_z(self, session: Session) -> float:
+        ground_z = session.ground_z if self.config.ground_z is None else self.config.ground_z
+        if ground_z is None:
+            raise DeepringError(
+                f"data.ground_z: null, but session {session.name} of {self.name} does not say how "
+                "high its sensor is; set it to z of the ground in the scans' frame, metres"
+            )
+        return ground_z
 
     def _empty(self, region: str, session: Session) -> str:
         low, high = session.ground_truth.min(axis=0), session.ground_truth.max(axis=0)

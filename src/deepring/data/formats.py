@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from deepring.data.drive_file import is_drive_file
 from deepring.data.kitti import LAYOUTS as KITTI_LAYOUTS
 from deepring.data.kitti import list_kitti, open_kitti
 from deepring.data.listing import TITLES, existing_root, guess_formats, layout_error
@@ -12,6 +13,8 @@ from deepring.data.mulran import LAYOUTS as MULRAN_LAYOUTS
 from deepring.data.mulran import list_mulran, open_mulran
 from deepring.data.nclt import LAYOUTS as NCLT_LAYOUTS
 from deepring.data.nclt import list_nclt, open_nclt
+from deepring.data.own import LAYOUTS as OWN_LAYOUTS
+from deepring.data.own import list_own, open_own
 from deepring.data.scan import Session
 from deepring.errors import DeepringError
 
@@ -22,14 +25,16 @@ class Format(NamedTuple):
     open: Callable[..., Session]
     sessions: Callable[[Path | str], list[str]]
     layouts: tuple[str, ...]
-    ground_z: float
-    """z of the ground under the sensor in its scans' frame, metres, on the usual platform."""
+    ground_z: float | None
+    """z of the ground under the sensor in its scans' frame, metres, on the usual platform; None
+    where each session says it."""
 
 
 FORMATS: dict[str, Format] = {
     "nclt": Format(open_nclt, list_nclt, NCLT_LAYOUTS, 0.0),
     "mulran": Format(open_mulran, list_mulran, MULRAN_LAYOUTS, -1.8),
     "kitti": Format(open_kitti, list_kitti, KITTI_LAYOUTS, -1.73),
+    "own": Format(open_own, list_own, OWN_LAYOUTS, None),
 }
 
 
@@ -77,10 +82,13 @@ def list_sessions(format: str, root: Path | str) -> list[str]:
 
 
 def detect_format(root: Path | str) -> str:
-    """Tell the format of the data set in ``root``: "nclt", "mulran" or "kitti".
+    """Tell the format of the data set in ``root``: "nclt", "mulran" or "kitti"; "own" for a
+    YAML file that describes drives.
 
     Raises DeepringError where it is none of them, or more than one.
     """
+    if is_drive_file(root):
+        return "own"
     base = existing_root(root)
     guesses = guess_formats(base)
     if len(guesses) == 1:
@@ -99,6 +107,15 @@ def detect_format(root: Path | str) -> str:
         f"{base} holds no data set that is known here. Point data.root at the folder that holds "
         f"one of these:\n{layouts}"
     )
+
+
+def ground_of(session: Session, format: str) -> float:
+    """z of the ground under the sensor in a session's scans, metres: the session's own value, or
+    the usual one of its format."""
+    ground_z = _format(format).ground_z if session.ground_z is None else session.ground_z
+    if ground_z is None:
+        raise ValueError(f"format {format}: neither it nor session {session.name} has a ground_z")
+    return ground_z
 
 
 def _format(name: str) -> Format:

@@ -22,7 +22,7 @@ SIGNATURES = {
     "mulran": ("global_pose.csv", "Ouster"),
     "kitti": ("velodyne", "calib.txt"),
 }
-TITLES = {"nclt": "NCLT", "mulran": "MulRan", "kitti": "KITTI"}
+TITLES = {"nclt": "NCLT", "mulran": "MulRan", "kitti": "KITTI", "own": "your own data"}
 
 _SCAN_FOLDERS = ("velodyne_sync", "Ouster", "velodyne")  # tens of thousands of files: not entered
 _LARGEST_STAMP = np.iinfo(np.int64).max
@@ -65,12 +65,13 @@ def list_scans(folder: Path, record_bytes: int, unit: int = 1) -> Listing:
 
 def _stat_problem(entry: os.DirEntry[str], record_bytes: int) -> str | None:
     try:
-        return _size_problem(entry.stat().st_size, record_bytes)
+        return size_problem(entry.stat().st_size, record_bytes)
     except OSError as error:  # such as a link to nowhere
         return f"cannot be read ({error.strerror})"
 
 
-def _size_problem(size: int, record_bytes: int) -> str | None:
+def size_problem(size: int, record_bytes: int) -> str | None:
+    """Say why a file of ``size`` bytes holds no whole records; None where it does."""
     if size == 0:
         return f"0 bytes, an empty file; expected records of {record_bytes} bytes each"
     if size % record_bytes:
@@ -90,7 +91,7 @@ def read_bytes(path: Path | str) -> bytes:
 
 def records_from(data: bytes, record: np.dtype, source: Path | str) -> NDArray:
     """View ``data`` as (n,) records. Raises BrokenScanError naming ``source`` and its size."""
-    problem = _size_problem(len(data), record.itemsize)
+    problem = size_problem(len(data), record.itemsize)
     if problem:
         raise BrokenScanError(f"{source}: {problem}. Fetch or unpack the file again")
     return np.frombuffer(data, dtype=record)

@@ -50,6 +50,7 @@ class Session:
     read: Callable[[Path], Points]
     omissions: Omissions = field(default_factory=Omissions)
     axes: tuple[str, str] = ("x", "y")  # names of the two ground-truth coordinates
+    ground_z: float | None = None  # of the ground in the scans' frame, where the session knows it
 
     def __post_init__(self) -> None:
         n = len(self.files)

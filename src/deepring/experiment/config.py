@@ -92,6 +92,7 @@ class PathsConfig:
     nclt: str = "???"
     mulran: str = "???"
     kitti: str = "???"
+    own: str = "???"
     #: This run's own folder, which Hydra makes.
     run: str = "???"
 
