@@ -5,8 +5,9 @@
 
 Each DATA=FOLDER is a file of conf/data: its test region (the whole drive where it has none), its
 two sessions or a drive's first passes and revisits, its spacings. Right is within 2 m and 5°.
---blind takes a sector of each query away, at a random angle. --calibrate prints the thresholds
-that reach a precision on all of them together; otherwise the usual thresholds are judged.
+--blind takes a sector of each query away, at a random angle. The usual thresholds are judged.
+--calibrate prints those that reach a precision on all of them together and as many scans that are
+nowhere in the map: each dataset's queries in the map of another one of its kind.
 """
 
 import argparse
@@ -58,6 +59,16 @@ def queries(scans: ScanSet, blind: float, seed: int) -> Iterator:
         yield points[away % 360 >= blind], scans.session.poses[k] @ turn
 
 
+def elsewhere(maps: list[tuple[str, Map, list]]) -> Iterator[Trials]:
+    """Queries looked up where they cannot be right, in the map of the next dataset of the kind."""
+    for k, (name, _, scans) in enumerate(maps):
+        other = next((m for n, m, _ in [*maps[k + 1 :], *maps[:k]] if n == name), None)
+        if other is not None:
+            far = try_out(other, scans)
+            nowhere = np.full(len(far.fit), np.inf)
+            yield far._replace(metres=nowhere, degrees=nowhere, nearest=nowhere)
+
+
 def row(name: str, trials: Trials, trust: Trust, seconds: float) -> str:
     wanted = Right()
     right, near = trials.right(wanted), trials.nearest <= 10
@@ -77,6 +88,7 @@ def main() -> None:
     parser.add_argument("--spacing", type=float, help="metres between map places")
     parser.add_argument("--whole", action="store_true", help="drives and not test regions")
     parser.add_argument("--blind", type=float, default=0.0, help="degrees")
+    parser.add_argument("--every", type=int, default=1, help="take each N-th query")
     parser.add_argument("--calibrate", type=float, metavar="PRECISION")
     parser.add_argument("--seed", type=int, default=0, help="of the blind sectors")
     args = parser.parse_args()
@@ -84,19 +96,20 @@ def main() -> None:
     network = load_network(args.checkpoint).method
     print("| | queries | within 10 m | of them right | m | ° | precision | recall | ms |")
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
-    every = []
+    every, maps = [], []
     for item in args.data:
         name, _, root = item.partition("=")
         split = retrieval(name, root, args.spacing, args.whole)
         held = map_of(split.database, network)
-        scans = list(queries(split.query, args.blind, args.seed))
+        scans = list(queries(split.query, args.blind, args.seed))[:: args.every]
+        maps.append((name, held, scans))
         held.localize(scans[0][0])  # compiles
         started = time.perf_counter()
         every.append(try_out(held, scans))
         seconds = (time.perf_counter() - started) / len(scans)
         print(row(Path(root).name, every[-1], Trust(), seconds), flush=True)
     if args.calibrate:
-        print(calibrate(join(every), args.calibrate))
+        print(calibrate(join([*every, *elsewhere(maps)]), args.calibrate))
 
 
 if __name__ == "__main__":
