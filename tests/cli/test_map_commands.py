@@ -9,6 +9,7 @@ import subprocess
 import numpy as np
 import pytest
 import yaml
+from bags import KINDS, START, message, write_bag
 from scipy.spatial.transform import Rotation
 from test_cli import SMALL, deepring, refused
 
@@ -102,6 +103,67 @@ def test_a_scan_that_cannot_be_located_does_not_hide_the_others(place_map, secon
     assert len(errors) == 3
     assert all(f"{name}.npy" in line for name, line in zip("bcd", errors, strict=True))
     assert "1 of" in errors[0]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_scans_of_a_bag_are_located(kind, place_map, second, tmp_path, here):
+    clouds = [message(second.points(k)) for k in range(4)]
+    bag = write_bag(tmp_path, kind, {"/imu": ["none"], "/points": clouds})
+    done = here("localize", place_map, bag, "--every", 3, "--as", "json")
+    assert done.returncode == 0, done.stderr
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [(row["scan"], row["stamp"]) for row in rows] == [
+        (str(bag), START),
+        (str(bag), START + 3 * 10**8),
+    ]
+    for row, k in zip(rows, (0, 3), strict=True):
+        assert math.hypot(*(second.positions[k] - [row["x"], row["y"]])) < 5
+
+
+def test_bags_as_a_user_types_them(place_map, second, tmp_path, here):
+    clouds = [message(second.points(k)) for k in range(2)]
+    several = write_bag(tmp_path, "bag", {"/left": clouds, "/right": clouds[:1]})
+    shown = deepring("localize", place_map, several, "--topic", "/right", cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    assert "drive.bag" in shown.stdout
+    localize = ("localize", place_map, several)
+    refused(here(*localize), "drive.bag", "/left, /right", "--topic")
+    refused(here(*localize, "--topic", "/up"), "no point clouds on /up", "/left or /right")
+    refused(here(*localize, "--every", 0), "--every 0")
+    several.write_bytes(several.read_bytes()[:-200])
+    refused(here(*localize, "--topic", "/left"), "drive.bag", "cut short")
+    (tmp_path / "drive.bag").unlink()
+    chat = write_bag(tmp_path, "mcap", {"/chat": ["hello"]})
+    refused(here("localize", place_map, chat), "/chat (std_msgs/msg/String)")
+    assert {path.name for path in tmp_path.iterdir()} == {"drive"}
+
+
+def test_what_is_wrong_with_a_message_does_not_hide_those_before(place_map, second, tmp_path, here):
+    flat = message(second.points(1))
+    flat.fields[0].name = "range"
+    empty = message(second.points(1)[:0])
+    bag = write_bag(tmp_path, "mcap", {"/points": [empty, message(second.points(0)), flat]})
+    np.save(tmp_path / "a.npy", second.points(2))
+    done = here("localize", place_map, bag, "a.npy", "--as", "json")
+    assert done.returncode == 1
+    stamps = [json.loads(line)["stamp"] for line in done.stdout.splitlines()]
+    assert stamps == [START + 10**8, None]
+    errors = [line for line in done.stderr.splitlines() if line.startswith("error")]
+    assert f"{bag} at {START} ns: scan: shape (0, 3)" in errors[0]
+    assert f"{bag}, /points at {START + 2 * 10**8} ns: PointCloud2: fields range" in errors[1]
+
+
+def test_a_sensor_at_another_height_says_where_the_ground_is(place_map, second, tmp_path, here):
+    lower = second.points(0) + np.float32([0, 0, 20])
+    np.save(tmp_path / "lower.npy", lower)
+    np.save(tmp_path / "as_built.npy", second.points(0))
+    told = here("localize", place_map, "lower.npy", "--ground-z", 20, "--as", "json")
+    usual = here("localize", place_map, "as_built.npy", "--as", "json")
+    assert told.returncode == 0, told.stderr
+    row, expected = json.loads(told.stdout), json.loads(usual.stdout)
+    assert row["fit"] == pytest.approx(expected["fit"], abs=0.02)
+    assert math.hypot(row["x"] - expected["x"], row["y"] - expected["y"]) < 0.5
+    refused(here("localize", place_map, "lower.npy", "--ground-z", "nan"), "--ground-z nan")
 
 
 def test_info_reads_every_byte(place_map, tmp_path, here):

@@ -51,6 +51,17 @@ def test_scans_of_another_drive_are_located(built, drives, turn):
         assert 0 < found.fit <= 1
 
 
+def test_a_scan_may_have_its_ground_elsewhere(built, drives):
+    points = drives[1].points(3)
+    higher = points - np.float32([0, 0, 30])  # of a sensor 30 m higher
+    found = built.localize(higher, ground_z=built.ground_z - 30)
+    usual = built.localize(points)
+    assert found.fit == pytest.approx(usual.fit, abs=0.02)
+    assert math.hypot(found.x - usual.x, found.y - usual.y) < 0.5
+    # Nearly all of it is below the ground that the map was built with.
+    assert built.localize(higher).fit < 0.5 * usual.fit
+
+
 def test_trust_asks_for_both(built, drives):
     points = drives[1].points(3)
     sure = built.localize(points)

@@ -13,26 +13,32 @@ from typing import Any
 from rich.table import Table
 
 from deepring.cli.report import console
+from deepring.data.bag_files import bag_scans, is_bag
+from deepring.data.scan import Points
 from deepring.data.scan_files import BINARY, read_scan, scan_files
 from deepring.errors import DeepringError
 from deepring.maps.map import Location, Map
 from deepring.progress import progress_bar
 
-#: A row: the scan's file, and where it was taken.
+#: A row: the scan's file, its stamp (ns) where a bag holds it, and where it was taken.
 Row = dict[str, Any]
 
 
 def localize_command(arguments: Sequence[str]) -> None:
-    """``deepring localize MAP SCAN... [--format kitti] [--as table|json|csv]``.
+    """``deepring localize MAP SCAN... [--topic /points] [--as table|json|csv]``.
 
     Exits with 1 where a scan cannot be located; the others are all the same.
     """
     args = _parser().parse_args(arguments)
+    if args.every < 1:
+        raise DeepringError(f"--every {args.every}: expected a whole number of at least 1")
+    if args.ground_z is not None and not math.isfinite(args.ground_z):
+        raise DeepringError(f"--ground-z {args.ground_z}: expected metres")
     files = scan_files(args.scans)
     held = Map.open(args.map, check=not args.unchecked)
     failed: list[str] = []
     with progress_bar("locating") as bar:
-        rows = list(locate(held, files, args.format, failed, bar))
+        rows = list(locate(held, files, args, failed, bar))
     if rows or not failed:
         _PRINT[args.form](rows)
     for message in failed:
@@ -44,18 +50,45 @@ def localize_command(arguments: Sequence[str]) -> None:
 def locate(
     held: Map,
     files: Sequence[Path],
-    binary: str | None,
+    args: argparse.Namespace,
     failed: list[str],
     progress: Callable[[int, int], None],
 ) -> Iterator[Row]:
-    """A row a scan; what is wrong with the others goes to ``failed``."""
-    for number, file in enumerate(files, start=1):
-        try:
-            yield {"scan": str(file), **asdict(held.localize(read_scan(file, binary)))}
-        except DeepringError as error:
-            message = str(error)
-            failed.append(message if str(file) in message else f"{file}: {message}")
-        progress(number, len(files))
+    """A row a scan; what is wrong with the others goes to ``failed``.
+
+    ``args`` has ``format``, ``topic``, ``every`` and ``ground_z`` as the command line does.
+    """
+    done = 0
+    for file in files:
+        scans = scans_of(file, args)
+        while True:
+            stamp: int | None = None
+            try:
+                stamp, points = next(scans)
+                found = held.localize(points, ground_z=args.ground_z)
+                yield {"scan": str(file), "stamp": stamp, **asdict(found)}
+            except StopIteration:
+                break
+            except DeepringError as error:
+                failed.append(_named(file, stamp, str(error)))
+            done += 1
+            # How many a bag holds is not known before.
+            progress(done, max(done, len(files)))
+
+
+def scans_of(file: Path, args: argparse.Namespace) -> Iterator[tuple[int | None, Points]]:
+    """The scans of one file, with their stamps in nanoseconds where it is a bag."""
+    if is_bag(file):
+        yield from bag_scans(file, args.topic, args.every)
+    else:
+        yield None, read_scan(file, args.format)
+
+
+def _named(file: Path, stamp: int | None, message: str) -> str:
+    """The message, with the scan where it does not name it."""
+    if str(file) in message:
+        return message
+    return f"{file}: {message}" if stamp is None else f"{file} at {stamp} ns: {message}"
 
 
 def print_table(rows: Sequence[Row]) -> None:
@@ -64,8 +97,9 @@ def print_table(rows: Sequence[Row]) -> None:
     for name in ("scan", "x m", "y m", "yaw °", "fit", "ratio", "trusted", "found by"):
         table.add_column(name, justify="left" if name in ("scan", "found by") else "right")
     for row in rows:
+        name = Path(row["scan"]).name
         table.add_row(
-            Path(row["scan"]).name,
+            name if row["stamp"] is None else f"{name} {row['stamp']}",
             f"{row['x']:.2f}",
             f"{row['y']:.2f}",
             f"{math.degrees(row['yaw']):.1f}",
@@ -89,7 +123,7 @@ def print_json(rows: Sequence[Row]) -> None:
 
 def print_csv(rows: Sequence[Row]) -> None:
     """With a header."""
-    names = ["scan", *(field.name for field in fields(Location))]
+    names = ["scan", "stamp", *(field.name for field in fields(Location))]
     writer = csv.DictWriter(sys.stdout, names, lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
@@ -105,8 +139,17 @@ def _parser() -> argparse.ArgumentParser:
         "poses, and whether to trust them.",
     )
     parser.add_argument("map", type=Path, metavar="MAP")
-    parser.add_argument("scans", type=Path, nargs="+", metavar="SCAN", help="files or folders")
+    parser.add_argument("scans", type=Path, nargs="+", metavar="SCAN", help="files, folders, bags")
     parser.add_argument("--format", choices=list(BINARY), help="what .bin files hold")
+    parser.add_argument("--topic", help="of a bag's point clouds, where it has several")
+    parser.add_argument(
+        "--every", type=int, default=1, metavar="N", help="each N-th scan of a bag (%(default)s)"
+    )
+    parser.add_argument(
+        "--ground-z",
+        type=float,
+        help="z of the ground under the sensor in the scans' frame, metres; the map's",
+    )
     parser.add_argument("--as", dest="form", choices=list(_PRINT), default="table")
     parser.add_argument(
         "--unchecked", action="store_true", help="do not read the whole map to see if it is sound"

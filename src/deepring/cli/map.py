@@ -59,11 +59,11 @@ def calibrate_map(args: argparse.Namespace) -> None:
     """The same map with thresholds that reach a precision on another drive."""
     expect_new(args.output)
     held = Map.open(args.map, check=True)
-    session, held.ground_z = open_drive(args)
+    session, ground_z = open_drive(args)
     everywhere = np.ones(len(session.files), dtype=np.bool_)
     scans = sample_by_distance(session.positions, args.spacing, everywhere)
     with progress_bar(f"{session.name}: locating") as bar:
-        trials = try_out(held, scans_of(session, scans, bar))
+        trials = try_out(held, scans_of(session, scans, bar), ground_z)
     found = calibrate(trials, args.precision, Right(metres=args.within))
     held.trust = found.trust
     held.save(args.output)

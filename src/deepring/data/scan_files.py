@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from deepring.data.bag_files import BAGS, is_bag
 from deepring.data.kitti import read_kitti_scan
 from deepring.data.mulran import read_mulran_scan
 from deepring.data.nclt import read_nclt_scan
@@ -67,12 +68,14 @@ def read_scan(path: Path | str, binary: str | None = None) -> Points:
 def scan_files(paths: Sequence[Path]) -> list[Path]:
     """The files named, and those of the folders named in the order of their names.
 
+    Bags are among them; a folder that is one stands for itself.
+
     Raises DeepringError for a path that is not there, and for a folder without scans.
     """
-    endings = {".bin", ".npy", ".pcd", ".ply"}
+    endings = {".bin", ".npy", ".pcd", ".ply", *BAGS}
     found: list[Path] = []
     for path in paths:
-        if path.is_dir():
+        if path.is_dir() and not is_bag(path):
             inside = sorted(file for file in path.iterdir() if file.suffix in endings)
             if not inside:
                 raise DeepringError(
@@ -80,7 +83,7 @@ def scan_files(paths: Sequence[Path]) -> list[Path]:
                     f"{', '.join(sorted(endings))}"
                 )
             found += inside
-        elif path.is_file():
+        elif path.exists():
             found.append(path)
         else:
             raise DeepringError(f"{path}: no such file or folder; expected scans")

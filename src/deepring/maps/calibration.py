@@ -62,12 +62,15 @@ class Calibrated(NamedTuple):
     scans: int
 
 
-def try_out(held: Map, scans: Iterable[tuple[Points, Floats]]) -> Trials:
-    """Locate scans (n, 3) with their poses (4, 4) in the map's world."""
+def try_out(
+    held: Map, scans: Iterable[tuple[Points, Floats]], ground_z: float | None = None
+) -> Trials:
+    """Locate scans (n, 3) with their poses (4, 4) in the map's world; z of their ground where it
+    is not the map's."""
     rows = []
     places = held.poses[:, :2, 3].numpy()
     for points, pose in scans:
-        found = held.localize(points)
+        found = held.localize(points, ground_z=ground_z)
         turn = found.yaw - float(yaw_of(pose))
         rows.append(
             (

@@ -141,15 +141,21 @@ class Map:
         self.poses = torch.cat([self.poses, torch.from_numpy(np.asarray(poses, np.float64))])
         self.names += names
 
-    def localize(self, points: NDArray[np.float32], before: int | None = None) -> Location:
+    def localize(
+        self,
+        points: NDArray[np.float32],
+        before: int | None = None,
+        ground_z: float | None = None,
+    ) -> Location:
         """Where a scan (n, 3), metres in its own frame, was taken.
 
-        ``before`` leaves out that place and those added after it. Raises DeepringError where no
-        place is left, and for a scan without points or with numbers that are none.
+        ``before`` leaves out that place and those added after it. ``ground_z`` is z of the ground
+        in the scan's frame, for a sensor at another height than the map's. Raises DeepringError
+        where no place is left, and for a scan without points or with numbers that are none.
         """
         if not len(self) or (before is not None and before < 1):
             raise DeepringError("map: holds no places to look among; expected at least one")
-        raster = torch.from_numpy(self._draw(points))
+        raster = torch.from_numpy(self._draw(points, ground_z))
         described = self.network.describe(raster[None]).cpu()
         hits = self.index.search(described, self.rerank.candidates, before=before)
         place = hits.place[0]
@@ -222,8 +228,10 @@ class Map:
             opened.index.restore(rows, header["shape"], basis, step)
         return opened
 
-    def _draw(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
-        return self.raster(expect_scan(points), self.ground_z)
+    def _draw(
+        self, points: NDArray[np.float32], ground_z: float | None = None
+    ) -> NDArray[np.bool_]:
+        return self.raster(expect_scan(points), self.ground_z if ground_z is None else ground_z)
 
     def _planar(self, place: Tensor) -> Tensor:
         """x, y and heading of places (k, 3)."""

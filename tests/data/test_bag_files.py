@@ -1,0 +1,113 @@
+"""Scans of ROS 1 and ROS 2 bags; a bag without them says what it holds."""
+
+import shutil
+import sys
+
+import numpy as np
+import pytest
+from bags import KINDS, START, message, write_bag
+
+from deepring.data.bag_files import bag_scans, is_bag
+from deepring.data.scan_files import scan_files
+from deepring.errors import BrokenScanError, DeepringError
+
+SCANS = np.random.default_rng(0).normal(0, 20, (7, 40, 3)).astype(np.float32)
+CLOUDS = [message(scan) for scan in SCANS]
+
+every_kind = pytest.mark.parametrize("kind", KINDS)
+
+
+@every_kind
+def test_scans_come_with_the_stamps_of_their_headers(kind, tmp_path):
+    path = write_bag(tmp_path, kind, {"/chat": ["hello"], "/points": CLOUDS})
+    assert is_bag(path)
+    found = list(bag_scans(path))
+    assert [scan.stamp for scan in found] == [START + k * 10**8 for k in range(7)]
+    assert np.array_equal([scan.points for scan in found], SCANS)
+    some = list(bag_scans(path, every=3))
+    assert np.array_equal([scan.points for scan in some], SCANS[::3])
+
+
+@every_kind
+def test_layouts_survive_the_bag(kind, tmp_path):
+    cloud = message(SCANS[0], width=8, big=True, before=3, after=5, row_padding=6, rows=4)
+    path = write_bag(tmp_path, kind, {"/points": [cloud]}, stamped=False)
+    ((stamp, points),) = bag_scans(path)
+    assert np.array_equal(points, SCANS[0])
+    assert stamp == START + 7  # that of the recording
+
+
+@every_kind
+def test_of_several_topics_one_is_named(kind, tmp_path):
+    path = write_bag(tmp_path, kind, {"/left": CLOUDS[:2], "/right": CLOUDS[2:4], "/chat": ["a"]})
+    with pytest.raises(DeepringError, match=r"drive.*on /left, /right; .*--topic"):
+        next(bag_scans(path))
+    found = [scan.points for scan in bag_scans(path, "/right")]
+    assert np.array_equal(found, SCANS[2:4])
+    for topic in ("/up", "/chat"):
+        with pytest.raises(DeepringError, match=rf"on {topic}; expected /left or /right"):
+            next(bag_scans(path, topic))
+
+
+@every_kind
+def test_a_bag_without_clouds_lists_what_it_has(kind, tmp_path):
+    path = write_bag(tmp_path, kind, {"/chat": ["hello"]})
+    with pytest.raises(
+        DeepringError, match=r"no point clouds among its topics, /chat \(std_msgs/msg/String\)"
+    ):
+        next(bag_scans(path))
+
+
+@every_kind
+@pytest.mark.parametrize("share", [0.0, 0.03, 0.5, 0.95])
+def test_bags_that_are_cut_short_say_so(kind, share, tmp_path):
+    path = write_bag(tmp_path, kind, {"/points": CLOUDS * 20})
+    file = path / "drive.db3" if kind == "folder" else path
+    whole = file.read_bytes()
+    file.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(BrokenScanError, match=r"drive.*reindex`"):
+        list(bag_scans(path))
+
+
+@every_kind
+def test_files_of_other_content_are_broken_bags(kind, tmp_path):
+    path = write_bag(tmp_path, kind, {"/points": CLOUDS})
+    file = path / "metadata.yaml" if kind == "folder" else path
+    file.write_bytes(b"rosbag2_bagfile_information: none of it\n" * 30)
+    with pytest.raises(BrokenScanError, match="drive"):
+        list(bag_scans(path))
+
+
+def test_a_message_without_coordinates_is_named(tmp_path):
+    flat = message(SCANS[1])
+    flat.fields[0].name = "range"
+    path = write_bag(tmp_path, "mcap", {"/points": [CLOUDS[0], flat]})
+    scans = bag_scans(path)
+    next(scans)
+    at = START + 10**8
+    with pytest.raises(BrokenScanError, match=rf"drive\.mcap, /points at {at} ns: .*expected x, y"):
+        next(scans)
+
+
+def test_the_library_is_asked_for(tmp_path, monkeypatch):
+    path = write_bag(tmp_path, "bag", {"/points": CLOUDS[:1]})
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag1", None)
+    with pytest.raises(DeepringError, match=r"drive\.bag: .*pip install 'deepring\[bags\]'"):
+        next(bag_scans(path))
+
+
+def test_mistakes_are_named(tmp_path):
+    with pytest.raises(DeepringError, match=r"none\.bag: no such file"):
+        next(bag_scans(tmp_path / "none.bag"))
+    with pytest.raises(DeepringError, match="every: 0"):
+        next(bag_scans(tmp_path / "none.bag", every=0))
+
+
+def test_bags_are_found_among_scans(tmp_path):
+    folder = write_bag(tmp_path, "folder", {"/points": CLOUDS[:1]})
+    assert scan_files([folder]) == [folder]
+    (tmp_path / "both").mkdir()
+    np.save(tmp_path / "both" / "z.npy", SCANS[0])
+    shutil.copy(folder / "drive.db3", tmp_path / "both" / "a.db3")
+    (tmp_path / "both" / "metadata.yaml").write_text("of something else")
+    assert [p.name for p in scan_files([tmp_path / "both"])] == ["a.db3", "z.npy"]
