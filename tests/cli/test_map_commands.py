@@ -80,6 +80,30 @@ def test_scans_are_located_as_a_table_json_and_csv(place_map, second, tmp_path, 
         assert float(other["x"]) == row["x"]
 
 
+def test_trust_is_calibrated_on_another_drive(place_map, tiny_nclt, here):
+    drive = [tiny_nclt, "--session", "2031-03-17", "--spacing", 20, "--precision", 0.5]
+    done = here("map", "calibrate", place_map, *drive, "-o", "sure.map")
+    assert done.returncode == 0, done.stderr
+    usual, sure = Map.open(place_map), Map.open("sure.map", check=True)
+    assert sure.trust != usual.trust
+    assert len(sure) == len(usual)
+    assert f"{sure.trust.fit:g}" in here("map", "info", "sure.map").stdout
+    refused(here("map", "calibrate", place_map, *drive, "-o", "sure.map"), "exists")
+    drive[-1] = 0.999
+    refused(here("map", "calibrate", place_map, *drive, "-o", "b.map"), "no thresholds")
+
+
+def test_a_map_is_built_with_the_network_of_the_package(tiny_nclt, second, here):
+    done = here(*BUILD, tiny_nclt, "--session", "2031-02-04", "--spacing", 10, "-o", "shipped.map")
+    assert done.returncode == 0, done.stderr
+    rows = here("localize", "shipped.map", second.files[3], "--format", "nclt", "--as", "json")
+    row = json.loads(rows.stdout)
+    assert math.hypot(*(second.positions[3] - [row["x"], row["y"]])) < 2
+    done = here("export", "shipped", "-o", "again.safetensors")
+    assert done.returncode == 0, done.stderr
+    refused(here("export", "shipped", "-o", "again.pt"), "again.pt", ".safetensors")
+
+
 def test_a_folder_of_ones_own_scans(place_map, second, tmp_path, here):
     (tmp_path / "scans").mkdir()
     for k in (0, 1):
@@ -260,6 +284,14 @@ def test_a_drive_of_ones_own_is_taken_wherever_a_dataset_is(
     lifted = nclt.poses.numpy() @ pose_from(np.eye(3), [0, 0, 1.5])
     np.testing.assert_allclose(own.poses.numpy(), lifted, atol=1e-9)
     assert (own.images != nclt.images).float().mean() < 0.01  # bytes; heights are rounded
+    some = ["--session", "second", "--every", 30, "--as", "json"]
+    done = here("localize", "own.map", "drive.yaml", *some)
+    assert done.returncode == 0, done.stderr
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    second = open_nclt(tiny_nclt, "2031-03-17")
+    assert len(rows) == len(second.files[::30])
+    for row, position in zip(rows, second.positions[::30], strict=True):
+        assert math.hypot(*(position - [row["x"], row["y"]])) < 5
     done = here("loops", "drive.yaml", "-o", "out", *known, "--session", "second", "--spacing", 8)
     assert done.returncode == 0, done.stderr
     done = here("case-study", "drive.yaml", "--pairs", 2, "-o", "study")

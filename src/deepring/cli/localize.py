@@ -7,13 +7,17 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, fields
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 from rich.table import Table
 
 from deepring.cli.report import console
 from deepring.data.bag_files import bag_scans, is_bag
+from deepring.data.drive_file import is_drive_file
+from deepring.data.formats import open_session
 from deepring.data.scan import Points
 from deepring.data.scan_files import BINARY, read_scan, scan_files
 from deepring.errors import DeepringError
@@ -22,6 +26,17 @@ from deepring.progress import progress_bar
 
 #: A row: the scan's file, its stamp (ns) where a bag holds it, and where it was taken.
 Row = dict[str, Any]
+
+
+class Scan(NamedTuple):
+    """One scan to locate."""
+
+    file: Path
+    stamp: int | None
+    """Nanoseconds, where a bag or a drive has it."""
+    read: Callable[[], Points]
+    ground_z: float | None
+    """z of the ground in its frame, metres, where it is not the map's."""
 
 
 def localize_command(arguments: Sequence[str]) -> None:
@@ -62,26 +77,33 @@ def locate(
     for file in files:
         scans = scans_of(file, args)
         while True:
-            stamp: int | None = None
+            name, stamp = file, None
             try:
-                stamp, points = next(scans)
-                found = held.localize(points, ground_z=args.ground_z)
-                yield {"scan": str(file), "stamp": stamp, **asdict(found)}
+                name, stamp, read, ground_z = next(scans)
+                found = held.localize(read(), ground_z=ground_z)
+                yield {"scan": str(name), "stamp": stamp, **asdict(found)}
             except StopIteration:
                 break
             except DeepringError as error:
-                failed.append(_named(file, stamp, str(error)))
+                failed.append(_named(name, stamp, str(error)))
             done += 1
             # How many a bag holds is not known before.
             progress(done, max(done, len(files)))
 
 
-def scans_of(file: Path, args: argparse.Namespace) -> Iterator[tuple[int | None, Points]]:
-    """The scans of one file, with their stamps in nanoseconds where it is a bag."""
-    if is_bag(file):
-        yield from bag_scans(file, args.topic, args.every)
+def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
+    """The scans of one file: one, those of a bag, or those of a drive that a file describes."""
+    if is_drive_file(file):
+        session = open_session("own", file, args.session)
+        ground_z = session.ground_z if args.ground_z is None else args.ground_z
+        stamps = [None] * len(session) if session.stamps is None else session.stamps.tolist()
+        for k in range(0, len(session), args.every):
+            yield Scan(session.files[k], stamps[k], partial(session.points, k), ground_z)
+    elif is_bag(file):
+        for stamp, points in bag_scans(file, args.topic, args.every):
+            yield Scan(file, stamp, partial(np.asarray, points), args.ground_z)
     else:
-        yield None, read_scan(file, args.format)
+        yield Scan(file, None, partial(read_scan, file, args.format), args.ground_z)
 
 
 def _named(file: Path, stamp: int | None, message: str) -> str:
@@ -139,12 +161,19 @@ def _parser() -> argparse.ArgumentParser:
         "poses, and whether to trust them.",
     )
     parser.add_argument("map", type=Path, metavar="MAP")
-    parser.add_argument("scans", type=Path, nargs="+", metavar="SCAN", help="files, folders, bags")
+    parser.add_argument(
+        "scans", type=Path, nargs="+", metavar="SCAN", help="files, folders, bags, drive.yaml"
+    )
     parser.add_argument("--format", choices=list(BINARY), help="what .bin files hold")
     parser.add_argument("--topic", help="of a bag's point clouds, where it has several")
     parser.add_argument(
-        "--every", type=int, default=1, metavar="N", help="each N-th scan of a bag (%(default)s)"
+        "--every",
+        type=int,
+        default=1,
+        metavar="N",
+        help="each N-th scan of a bag or drive (%(default)s)",
     )
+    parser.add_argument("--session", help="a drive of drive.yaml, where it describes several")
     parser.add_argument(
         "--ground-z",
         type=float,
