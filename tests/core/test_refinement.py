@@ -146,6 +146,6 @@ def test_a_real_pair_is_aligned_as_its_points_say():
         assert not other.converged
         assert other.inliers < 0.5
     # A start that is off by 2 m and 5° comes to the same pose.
-    again = refine(query, place, yaw + math.radians(5), position + [1.6, -1.2])
+    again = refine(query, place, yaw + math.radians(5), position + np.array([1.6, -1.2]))
     assert np.hypot(*(again.position - points.position)) < 0.05
     assert degrees_between(again.yaw, points.yaw) < 0.1
