@@ -230,6 +230,9 @@ def test_loops_are_written_for_back_ends(tiny_nclt, checkpoint, tmp_path, here):
     keyframes = len(json.loads(written["drive.json"])["scans"])
     assert written["drive.g2o"].count("VERTEX_SE2") == keyframes
     assert len(written["drive.tum"].splitlines()) == keyframes
+    refined = here("loops", tiny_nclt, *options, "--refine", "-o", "fine/drive")
+    assert "refined" in refined.stdout
+    assert (tmp_path / "fine" / "drive.g2o").read_text().count("VERTEX_SE2") == keyframes
     refused(here("loops", tiny_nclt, *options, "-o", "out/drive"), "exists")
     wrong = [*options, "--recent", 0]
     refused(here("loops", tiny_nclt, *wrong, "-o", "b"), "loops.recent")

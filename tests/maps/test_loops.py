@@ -2,12 +2,15 @@
 
 import json
 import math
+import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from test_map import small_network
 
+from deepring.core.refinement import RefinementSettings
 from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
 from deepring.data.nclt import open_nclt
 from deepring.data.scan import Session
@@ -51,6 +54,40 @@ def test_loops_are_true_and_go_back_far_enough(graph, there_and_back):
         off = (loop.yaw - float(yaw_of(truth)) + math.pi) % (2 * math.pi) - math.pi
         good += np.hypot(loop.x - truth[0, 3], loop.y - truth[1, 3]) < 2 and abs(off) < 0.1
     assert good >= 0.9 * len(graph.loops)
+
+
+def errors_of(graph):
+    """Metres and radians (n, 2) that loops are off."""
+    rows = []
+    for loop in graph.loops:
+        truth = np.linalg.inv(graph.poses[loop.earlier]) @ graph.poses[loop.keyframe]
+        off = (loop.yaw - float(yaw_of(truth)) + math.pi) % (2 * math.pi) - math.pi
+        rows.append((np.hypot(loop.x - truth[0, 3], loop.y - truth[1, 3]), abs(off)))
+    return np.array(rows)
+
+
+def test_refined_loops_are_nearer_to_the_truth(graph, there_and_back):
+    settings = replace(SETTINGS, refinement=RefinementSettings())
+    refined = find_loops(there_and_back, empty_map(), settings)
+    pairs = [[(loop.keyframe, loop.earlier) for loop in g.loops] for g in (graph, refined)]
+    assert pairs[0] == pairs[1]
+    done = np.array([loop.refined for loop in refined.loops])
+    assert done.mean() >= 0.8
+    before, after = np.median(errors_of(graph)[done], 0), np.median(errors_of(refined)[done], 0)
+    assert (after < 0.5 * before).all()
+    assert all(
+        loop.inliers is not None and -math.pi <= loop.yaw <= math.pi for loop in refined.loops
+    )
+    unmoved = np.flatnonzero(~done)
+    assert all(refined.loops[k].x == pytest.approx(graph.loops[k].x) for k in unmoved)
+    assert not any(loop.refined or loop.inliers for loop in graph.loops)
+
+
+def test_refinement_asks_for_its_library_at_once(there_and_back, monkeypatch):
+    monkeypatch.setitem(sys.modules, "small_gicp", None)
+    settings = replace(SETTINGS, refinement=RefinementSettings())
+    with pytest.raises(DeepringError, match=r"pip install 'deepring\[refine\]'"):
+        find_loops(there_and_back, empty_map(), settings)
 
 
 def test_the_future_takes_no_part(there_and_back, graph):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from deepring.cli.map import add_drive, add_network, network_of, open_drive
 from deepring.cli.report import console
+from deepring.core.refinement import RefinementSettings
 from deepring.errors import DeepringError
 from deepring.files import replacing
 from deepring.maps.graph_files import g2o_lines, json_text, tum_lines
@@ -24,7 +25,8 @@ def loops_command(arguments: Sequence[str]) -> None:
                 f"-o {args.output}: {path} exists, expected new files; nothing is overwritten: "
                 "name another"
             )
-    settings = LoopSettings(args.spacing, args.recent)
+    refinement = RefinementSettings() if args.refine else None
+    settings = LoopSettings(args.spacing, args.recent, refinement)
     network = network_of(args.checkpoint)
     session, ground_z = open_drive(args)
     empty = Map(network, ground_z, trust=Trust(args.fit, args.ratio))
@@ -40,6 +42,8 @@ def loops_command(arguments: Sequence[str]) -> None:
             temporary.write_text(contents[ending])
     console.print(f"keyframes    {len(graph.scans)}")
     console.print(f"loops        {len(graph.loops)}")
+    if args.refine:
+        console.print(f"refined      {sum(loop.refined for loop in graph.loops)}")
     for path in files.values():
         console.print(f"written      {path}", markup=False)
 
@@ -74,5 +78,10 @@ def _parser() -> argparse.ArgumentParser:
         type=float,
         default=trust.ratio,
         help="least ratio to a contradicting fit that is trusted (%(default)s)",
+    )
+    parser.add_argument(
+        "--refine",
+        action="store_true",
+        help="refine each loop on the points of its two scans (needs deepring[refine])",
     )
     return parser

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from deepring.core.rigid import FloatArray, pose_from, rotation_from_rpy, yaw_of
 from deepring.errors import DeepringError
@@ -24,9 +23,10 @@ class RefinementSettings:
     iterations: int = 50
     """At most, a pass."""
     shift: float = 4.0
-    """Metres from the start, from which on the result is not believed."""
+    """Metres along x and y from the start, from which on the result is not believed. Height and
+    tilt are not limited: the start knows nothing of them."""
     turn: float = math.radians(10.0)
-    """Turn from the start, likewise; radians."""
+    """Yaw from the start, likewise; radians."""
 
     def __post_init__(self) -> None:
         for name in ("voxel", "iterations", "shift", "turn"):
@@ -51,7 +51,8 @@ class Refined(NamedTuple):
     inliers: float
     """Share of the query's thinned points matched in the last pass, where that ended."""
     converged: bool
-    """Whether the registration settled, and within reach of the start."""
+    """Whether the registration settled near its start, which is not whether the start was right:
+    of that the inliers tell, and the fit of the alignment."""
     error: float
     """GICP's squared error an inlier, without a unit; infinite where there are none."""
 
@@ -124,9 +125,9 @@ def small_gicp() -> Any:
 def _near(found: FloatArray, start: FloatArray, settings: RefinementSettings) -> bool:
     if not np.isfinite(found).all():
         return False
-    shift = float(np.linalg.norm(found[:3, 3] - start[:3, 3]))
-    turn = float(Rotation.from_matrix(start[:3, :3].T @ found[:3, :3]).magnitude())
-    return shift <= settings.shift and turn <= settings.turn
+    shift = float(np.linalg.norm(found[:2, 3] - start[:2, 3]))
+    turn = float(yaw_of(start[:3, :3].T @ found[:3, :3]))
+    return shift <= settings.shift and abs(turn) <= settings.turn
 
 
 def _expect(name: str, points: NDArray[np.float32]) -> FloatArray:

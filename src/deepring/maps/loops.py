@@ -1,10 +1,11 @@
 """Loop closures of a drive, found as a robot would find them: among past scans alone."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.core.refinement import RefinementSettings, refine, small_gicp
 from deepring.core.rigid import yaw_of
 from deepring.data.cache import Progress
 from deepring.data.sampling import sample_by_distance
@@ -21,6 +22,8 @@ class LoopSettings:
     """Between keyframes."""
     recent: float = 50.0
     """Path driven since a scan, below which it is no loop to come back to it."""
+    refinement: RefinementSettings | None = None
+    """How loops are refined on the points of their scans; None leaves them as found."""
 
     def __post_init__(self) -> None:
         if self.spacing < 0 or self.recent <= 0:
@@ -43,6 +46,10 @@ class Loop:
     """Of the keyframe in the earlier one's frame, radians in [-π, π)."""
     fit: float
     ratio: float
+    inliers: float | None = None
+    """Share of points that match after refinement, where that was asked for."""
+    refined: bool = False
+    """Whether x, y and yaw are refined; where refinement failed they are as found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +76,11 @@ def find_loops(
         empty: a map without places, whose network, trust and ground are used; it is filled.
         settings: keyframes and what is too recent.
         progress: called with keyframes done and their total.
+
+    Raises DeepringError for a map with places, and for refinement without its library.
     """
+    if settings.refinement is not None:
+        small_gicp()  # now rather than at the first loop
     if len(empty):
         raise DeepringError(f"map: holds {len(empty)} places, expected none")
     everywhere = np.ones(len(session.files), dtype=np.bool_)
@@ -82,7 +93,11 @@ def find_loops(
         if past:
             found = empty.localize(points, before=past)
             if found.trusted:
-                loops.append(_loop(k, found, session.poses[scans[found.place]]))
+                earlier = int(scans[found.place])
+                loop = _loop(k, found, session.poses[earlier])
+                if settings.refinement is not None:
+                    loop = _refined(loop, points, session.points(earlier), settings.refinement)
+                loops.append(loop)
         empty.add([points], session.poses[scan : scan + 1], [session.files[scan].name])
         if progress is not None:
             progress(k + 1, len(scans))
@@ -110,3 +125,15 @@ def _loop(keyframe: int, found: Location, pose: NDArray[np.float64]) -> Loop:
         found.fit,
         found.ratio,
     )
+
+
+def _refined(
+    loop: Loop,
+    points: NDArray[np.float32],
+    earlier: NDArray[np.float32],
+    settings: RefinementSettings,
+) -> Loop:
+    # The points turn the other way than the keyframe.
+    found = refine(points, earlier, -loop.yaw, (loop.x, loop.y), settings)
+    x, y = (float(value) for value in found.position)
+    return replace(loop, x=x, y=y, yaw=-found.yaw, inliers=found.inliers, refined=found.converged)
