@@ -65,7 +65,8 @@ def test_a_scan_may_have_its_ground_elsewhere(built, drives):
 def test_trust_asks_for_both(built, drives):
     points = drives[1].points(3)
     sure = built.localize(points)
-    assert sure.trusted == (sure.fit >= 0.20 and sure.ratio >= 1.37)
+    usual = Trust()
+    assert sure.trusted == (sure.fit >= usual.fit and sure.ratio >= usual.ratio)
     for trust in (Trust(fit=1.1), Trust(ratio=math.inf)):
         built.trust, usual = trust, built.trust
         assert not built.localize(points).trusted or trust.ratio == sure.ratio
