@@ -70,7 +70,7 @@ weights: install
 	done
 	$(BIN)/deepring train experiment=weights
 	$(BIN)/python benchmarks/localization.py --checkpoint outputs/weights/latest/checkpoints/best.ckpt \
-	  --whole --every 2 --calibrate 0.99 sim_nclt=outputs/datasets/weights_nclt_110 \
+	  --whole --every 2 --calibrate 0.998 sim_nclt=outputs/datasets/weights_nclt_110 \
 	  sim_nclt=outputs/datasets/weights_nclt_111 sim_mulran=outputs/datasets/weights_mulran_110 \
 	  sim_mulran=outputs/datasets/weights_mulran_111
 

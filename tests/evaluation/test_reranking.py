@@ -17,6 +17,7 @@ from deepring.evaluation.reranking import (
     by_location,
     by_pose,
     expect_rerank,
+    spread_out,
     world_positions,
 )
 
@@ -102,3 +103,24 @@ def test_mistakes_are_named():
         RerankSettings(candidates=0)
     with pytest.raises(DeepringError, match="rerank: 'none'"):
         expect_rerank("rerank", "none")
+
+
+def test_candidates_of_a_dense_map_lie_apart():
+    rng = torch.Generator().manual_seed(0)
+    positions = torch.rand(200, 2, generator=rng, dtype=torch.float64) * 40
+    taken = spread_out(positions, RerankSettings(candidates=12, spread=5.0))
+    assert len(taken) == 12
+    assert taken[0] == 0
+    assert (taken.diff() > 0).all()  # better ones first
+    chosen = positions[taken]
+    assert (torch.cdist(chosen, chosen) + 99 * torch.eye(12) >= 5.0).all()
+    # Whatever was passed over lies close to a better one that was taken.
+    for k in set(range(int(taken[-1]))) - set(taken.tolist()):
+        better = chosen[taken < k]
+        assert torch.linalg.vector_norm(better - positions[k], dim=1).min() < 5.0
+
+
+def test_without_a_spread_the_best_are_taken_and_a_short_list_is_no_error():
+    positions = torch.zeros(30, 2)
+    assert spread_out(positions, RerankSettings(candidates=7, spread=0.0)).tolist() == [*range(7)]
+    assert spread_out(positions, RerankSettings(candidates=7)).tolist() == [0]

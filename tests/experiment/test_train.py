@@ -39,6 +39,17 @@ POINTED = {
         "data.regions.test=[{{half_plane: {{point: [150, 0], normal: [1, 0]}}}}]",
         "evaluate=false",
     ],
+    "weights": [
+        f"train_data.{world}_{seed}.{key}={value}"
+        for world, root in (("campus", "{tiny_nclt}"), ("city", "{tiny_mulran}"))
+        for seed in range(100, 106)
+        for key, value in (
+            ("root", root),
+            ("regions.validation_share", 0.3),
+            ("regions.margin", 1),
+            ("spacing.train", 1),
+        )
+    ],
     "paper_mulran": [
         "data.root={tiny_mulran}",
         "data.database=SimCity01",

@@ -35,13 +35,18 @@ class RerankSettings:
     """Share of the best fit from which on a candidate counts as fitting, in `by_pose`."""
     apart: float = 15.0
     """Metres from which on two positions of the query contradict each other."""
+    spread: float = 5.0
+    """Metres between candidates, where the map's poses are known: those of a dense map would all be
+    neighbours, and none of them could contradict the best."""
     alignment: AlignmentSettings = field(default_factory=AlignmentSettings)
 
     def __post_init__(self) -> None:
-        if self.candidates < 1 or not 0 < self.close <= 1 or self.apart <= 0:
+        lengths = self.apart > 0 and self.spread >= 0
+        if self.candidates < 1 or not 0 < self.close <= 1 or not lengths:
             raise DeepringError(
                 f"rerank.candidates: {self.candidates}, rerank.close: {self.close}, rerank.apart: "
-                f"{self.apart}; expected at least 1, a share in (0, 1], and metres above 0"
+                f"{self.apart}, rerank.spread: {self.spread}; expected at least 1, a share in "
+                "(0, 1], metres above 0, and metres of at least 0"
             )
 
 
@@ -96,6 +101,19 @@ def align_candidates(
     spectra = half_whitened(maps, alignment)
     cells = occupied_cells(image, alignment)
     return Candidates(place, align(cells, spectra, tried, alignment))
+
+
+def spread_out(positions: Tensor, settings: RerankSettings) -> Tensor:
+    """Numbers of the first ``candidates`` of positions (k, 2), best first, that lie ``spread``
+    metres or more from all better ones that are taken."""
+    away = torch.cdist(positions, positions)
+    taken: list[int] = []
+    for k in range(len(positions)):
+        if len(taken) == settings.candidates:
+            break
+        if not taken or bool((away[k, taken] >= settings.spread).all()):
+            taken.append(k)
+    return torch.tensor(taken, dtype=torch.int64)
 
 
 def by_pose(candidates: Candidates, settings: RerankSettings) -> Tensor:
