@@ -203,6 +203,7 @@ def test_simulate_resumes_and_never_overwrites(tmp_path):
     refused(deepring(*command, "rows=two", cwd=tmp_path), "rows", "two")
 
 
+@pytest.mark.slow  # two nodes of one process each do the same
 def test_two_processes_train_one_network(tiny_nclt, tmp_path):
     options = [*SMALL, "trainer.accelerator=cpu", "trainer.devices=2", "trainer.strategy=ddp"]
     done = deepring("train", "experiment=demo", f"data.root={tiny_nclt}", *options, cwd=tmp_path)
