@@ -1,7 +1,6 @@
 """Compiled CPU loops of the search (numba). Imported on first use."""
 
 import math
-from functools import lru_cache
 
 import numpy as np
 from numba import njit, types
@@ -79,28 +78,23 @@ def insert(score, place, shift, value, number, turn):
     score[k], place[k], shift[k] = value, number, turn
 
 
-@lru_cache
-def code_loop(components, frequencies):
-    """The loop over codes of one size; lengths known to the compiler are unrolled, which makes it
-    twice as fast. ``loop(queries, codes, out)``: Σ_k |Σ_p Q(p, k) conj D(p, k)| of queries
-    (q, p, 2, k) float32 with codes (n, p, 2, k) int8 into ``out`` (q, n) float32."""
-
-    @njit(cache=True, nogil=True, fastmath=True)
-    def loop(queries, codes, out):
-        real = np.empty(frequencies, np.float32)
-        imaginary = np.empty(frequencies, np.float32)
-        for i in range(codes.shape[0]):
-            for b in range(queries.shape[0]):
+@njit(cache=True, nogil=True, fastmath=True)
+def code_scores(queries, codes, out):
+    """Σ_k |Σ_p Q(p, k) conj D(p, k)| of queries (q, p, 2, k) float32 with codes (n, p, 2, k)
+    int8: ``out`` (q, n) float32."""
+    components, frequencies = codes.shape[1], codes.shape[3]
+    real = np.empty(frequencies, np.float32)
+    imaginary = np.empty(frequencies, np.float32)
+    for i in range(codes.shape[0]):
+        for b in range(queries.shape[0]):
+            real[:] = 0
+            imaginary[:] = 0
+            for p in range(components):
                 for k in range(frequencies):
-                    re, im = np.float32(0), np.float32(0)
-                    for p in range(components):
-                        x, y = np.float32(codes[i, p, 0, k]), np.float32(codes[i, p, 1, k])
-                        re += queries[b, p, 0, k] * x + queries[b, p, 1, k] * y
-                        im += queries[b, p, 1, k] * x - queries[b, p, 0, k] * y
-                    real[k], imaginary[k] = re, im
-                total = np.float32(0)
-                for k in range(frequencies):
-                    total += math.sqrt(real[k] * real[k] + imaginary[k] * imaginary[k])
-                out[b, i] = total
-
-    return loop
+                    x, y = np.float32(codes[i, p, 0, k]), np.float32(codes[i, p, 1, k])
+                    real[k] += queries[b, p, 0, k] * x + queries[b, p, 1, k] * y
+                    imaginary[k] += queries[b, p, 1, k] * x - queries[b, p, 0, k] * y
+            total = np.float32(0)
+            for k in range(frequencies):
+                total += math.sqrt(real[k] * real[k] + imaginary[k] * imaginary[k])
+            out[b, i] = total

@@ -80,8 +80,7 @@ def code_scores(queries: Tensor, codes: Tensor) -> Tensor:
         from deepring.search import _kernels
 
         out = torch.empty(len(queries), len(codes))
-        loop = _kernels.code_loop(codes.shape[1], codes.shape[3])
-        loop(queries.numpy(), codes.numpy(), out.numpy())
+        _kernels.code_scores(queries.numpy(), codes.numpy(), out.numpy())
         return out
     complex_queries = torch.complex(queries[:, :, 0], queries[:, :, 1]).permute(2, 0, 1)
     planes = codes.float()
