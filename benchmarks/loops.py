@@ -16,7 +16,8 @@ import torch
 
 from deepring.core.rigid import yaw_of
 from deepring.data.formats import FORMATS, list_sessions, open_session
-from deepring.maps.loops import LoopGraph, LoopSettings, find_loops, path_lengths
+from deepring.data.sampling import path_lengths
+from deepring.maps.loops import LoopGraph, LoopSettings, find_loops
 from deepring.maps.map import Map, Trust
 from deepring.training.module import load_network
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from deepring.cli.case_study import GROUND_Z, READERS, case_study_command
+from deepring.cli.case_study import case_study_command
 from deepring.data.formats import FORMATS
+from deepring.data.scan_files import BINARY
 from deepring.errors import BrokenScanError, DeepringError
 
 REAL = Path(os.environ.get("DEEPRING_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -135,8 +136,9 @@ def test_a_file_without_a_visible_point_is_named_with_its_format(tmp_path):
 
 
 def test_every_format_of_files_has_a_reader_and_the_ground_height_of_its_config():
-    assert set(READERS) == set(GROUND_Z) == set(FORMATS) - {"own"}
-    for name, ground_z in GROUND_Z.items():
+    assert set(BINARY) == set(FORMATS) - {"own"}
+    for name in BINARY:
+        ground_z = FORMATS[name].ground_z
         config = yaml.safe_load((CONF / f"{name}.yaml").read_text(encoding="utf-8"))
         assert config["ground_z"] == ground_z
 

@@ -22,10 +22,8 @@ from deepring.data.formats import (
     list_sessions,
     open_session,
 )
-from deepring.data.kitti import read_kitti_scan
-from deepring.data.mulran import read_mulran_scan
-from deepring.data.nclt import read_nclt_scan
 from deepring.data.scan import Points
+from deepring.data.scan_files import BINARY
 from deepring.errors import BrokenScanError, DeepringError
 from deepring.evaluation.case_study import (
     NAMES,
@@ -41,15 +39,6 @@ from deepring.evaluation.case_study import (
 from deepring.progress import progress_bar
 from deepring.viz.case_study import error_figure, pair_figure
 from deepring.viz.style import save
-
-#: Of files that are named by hand.
-READERS: dict[str, Callable[[Path], Points]] = {
-    "nclt": read_nclt_scan,
-    "mulran": read_mulran_scan,
-    "kitti": read_kitti_scan,
-}
-#: z of the ground below the sensor in the scan's frame (metres), as conf/data has it.
-GROUND_Z = {"nclt": 0.0, "mulran": -1.8, "kitti": -1.73}
 
 #: What the summary shows of the CSV file: kind, value, header. 52.5° ends half-way between rows.
 SHOWN: tuple[tuple[Kind, float | None, str], ...] = (
@@ -151,17 +140,19 @@ def _source(paths: Sequence[Path], format: str | None, session: str | None) -> S
     others = [str(path) for path in paths if not path.is_file()]
     if others:
         raise DeepringError(f"{others[0]}: is no file; expected one dataset, or scan files alone")
-    if format not in READERS:
+    if format is None or format not in BINARY:
         raise DeepringError(
             f"{paths[0]}: a scan file does not tell its format; add --format, one of "
-            + ", ".join(READERS)
+            + ", ".join(BINARY)
         )
     if session is not None:
         raise DeepringError(f"--session {session}: expected a dataset's folder with it, no files")
     if len({path.resolve() for path in paths}) < len(paths):
         raise DeepringError("FILE: the same scan twice; expected scans of different places")
     title = ", ".join(path.name for path in paths)
-    return Source(title, format, READERS[format], GROUND_Z[format], paths, None)
+    ground_z = FORMATS[format].ground_z
+    assert ground_z is not None
+    return Source(title, format, BINARY[format], ground_z, paths, None)
 
 
 def _dataset(root: Path, format: str | None, name: str | None) -> Source:

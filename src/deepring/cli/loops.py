@@ -4,10 +4,9 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from deepring.cli.map import add_drive, add_network, network_of, open_drive
+from deepring.cli.map import add_drive, add_network, expect_new, network_of, open_drive
 from deepring.cli.report import console
 from deepring.core.refinement import RefinementSettings
-from deepring.errors import DeepringError
 from deepring.files import replacing
 from deepring.maps.graph_files import g2o_lines, json_text, tum_lines
 from deepring.maps.loops import LoopSettings, find_loops
@@ -20,11 +19,7 @@ def loops_command(arguments: Sequence[str]) -> None:
     args = _parser().parse_args(arguments)
     files = {ending: Path(f"{args.output}.{ending}") for ending in ("g2o", "tum", "json")}
     for path in files.values():
-        if path.exists():
-            raise DeepringError(
-                f"-o {args.output}: {path} exists, expected new files; nothing is overwritten: "
-                "name another"
-            )
+        expect_new(path)
     refinement = RefinementSettings() if args.refine else None
     settings = LoopSettings(args.spacing, args.recent, refinement)
     network = network_of(args.checkpoint)

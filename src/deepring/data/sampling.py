@@ -30,6 +30,12 @@ def sample_by_distance(positions: Positions, spacing: float, mask: NDArray[np.bo
     return np.array(kept, dtype=np.int64)
 
 
+def path_lengths(positions: Positions) -> Positions:
+    """Metres of path up to each of (n, 2) positions, (n,)."""
+    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])[: len(positions)]
+
+
 def revisits(positions: Positions, radius: float = 10.0, apart: float = 100.0) -> NDArray[np.bool_]:
     """Which scans pass ground first seen more than ``apart`` metres of path earlier.
 
@@ -41,8 +47,7 @@ def revisits(positions: Positions, radius: float = 10.0, apart: float = 100.0) -
             f"data.revisit_radius: {radius}, data.revisit_apart: {apart}; "
             "expected metres, at least 0"
         )
-    steps = np.hypot(*np.diff(positions, axis=0).T) if len(positions) > 1 else np.zeros(0)
-    path = np.concatenate([[0.0], np.cumsum(steps)])[: len(positions)]
+    path = path_lengths(positions)
     near = KDTree(positions).query_ball_point(positions, radius)
     return np.array(
         [path[neighbours].min() < path[i] - apart for i, neighbours in enumerate(near)], dtype=bool

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from deepring.core.refinement import RefinementSettings, refine, small_gicp
 from deepring.core.rigid import yaw_of
 from deepring.data.cache import Progress
-from deepring.data.sampling import sample_by_distance
+from deepring.data.sampling import path_lengths, sample_by_distance
 from deepring.data.scan import Session
 from deepring.errors import DeepringError
 from deepring.maps.map import Location, Map
@@ -103,12 +103,6 @@ def find_loops(
             progress(k + 1, len(scans))
     stamps = None if session.stamps is None else session.stamps[scans]
     return LoopGraph(scans, session.poses[scans], stamps, loops)
-
-
-def path_lengths(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Metres of path up to each scan (n,)."""
-    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _loop(keyframe: int, found: Location, pose: NDArray[np.float64]) -> Loop:
