@@ -1,82 +1,104 @@
-"""Loop closures of one drive beside its poses: precision and recall.
+"""Loop closures of drives beside their poses: precision and recall.
 
-    python benchmarks/loops.py kitti=FOLDER sim_nclt=outputs/datasets/sim_nclt_seed0 [--fit 0.2]
+    python benchmarks/loops.py kitti=FOLDER sim_nclt=outputs/datasets/sim_nclt_seed0 [--fit 0.3]
+    python benchmarks/loops.py --keep 0.98 sim_nclt=FOLDER sim_mulran=FOLDER ...
 
 A loop is right where it agrees with the drive's poses to 2 m and 5°, and to 4 m and 5° beside it,
 since poses drift too. Recall is over the keyframes that came within 10 m of one that was driven at
-least 50 m before. A dataset of several sessions gives its first.
+least 50 m before. A dataset of several sessions gives its first. ``--keep`` asks in addition for
+the largest fit that keeps that share of all these drives' returns.
 """
 
 import argparse
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
 
+from deepring.cli.process import tune_process
 from deepring.core.rigid import yaw_of
 from deepring.data.formats import FORMATS, list_sessions, open_session
 from deepring.data.sampling import path_lengths
-from deepring.maps.loops import LoopGraph, LoopSettings, find_loops
+from deepring.maps.calibration import FITS, Right, Trials, join, outcome
+from deepring.maps.loops import LOOP_TRUST, LoopGraph, LoopSettings, find_loops
 from deepring.maps.map import Map, Trust
+from deepring.methods.deepring import DeepRing
 from deepring.training.module import load_network
 
 NEAR = 10.0
+RIGHT, BESIDE = Right(2.0, 5.0, NEAR), Right(4.0, 5.0, NEAR)
 
 
-def disagreement(graph: LoopGraph) -> np.ndarray:
-    """Metres and degrees (n, 2) from what the poses say."""
-    rows = []
+class Drive(NamedTuple):
+    """Every keyframe of a drive looked up, whether trusted or not."""
+
+    name: str
+    keyframes: int
+    trials: Trials
+    seconds: float
+    """A keyframe."""
+
+
+def look_back(name: str, root: str, network: DeepRing, settings: LoopSettings) -> Drive:
+    """Each keyframe's best loop beside the poses, the first session's."""
+    format = name.removeprefix("sim_")
+    session = open_session(format, root, list_sessions(format, root)[0])
+    started = time.perf_counter()
+    untrusting = Trust(fit=-np.inf, ratio=0.0)
+    graph = find_loops(session, Map(network, FORMATS[format].ground_z, trust=untrusting), settings)
+    seconds = (time.perf_counter() - started) / len(graph.scans)
+    path = path_lengths(session.positions)[graph.scans]
+    trials = trials_of(graph, path, settings.recent)
+    return Drive(Path(root).name, len(graph.scans), trials, seconds)
+
+
+def trials_of(graph: LoopGraph, path: np.ndarray, recent: float) -> Trials:
+    """Loops beside what the poses say; the distance to the nearest keyframe of the past."""
+    rows, positions = [], graph.poses[:, :2, 3]
     for loop in graph.loops:
         relative = np.linalg.inv(graph.poses[loop.earlier]) @ graph.poses[loop.keyframe]
         turn = float(yaw_of(relative)) - loop.yaw
+        past = int(np.searchsorted(path, path[loop.keyframe] - recent))
+        away = np.linalg.norm(positions[:past] - positions[loop.keyframe], axis=1)
         off = np.hypot(relative[0, 3] - loop.x, relative[1, 3] - loop.y)
-        rows.append((off, abs(np.degrees((turn + np.pi) % (2 * np.pi) - np.pi))))
-    return np.array(rows).reshape(-1, 2)
-
-
-def returning(graph: LoopGraph, path: np.ndarray, recent: float) -> np.ndarray:
-    """Numbers of the keyframes that came back to where an earlier one was."""
-    positions = graph.poses[:, :2, 3]
-    found = []
-    for k in range(len(path)):
-        past = int(np.searchsorted(path, path[k] - recent))
-        away = np.linalg.norm(positions[:past] - positions[k], axis=1)
-        if past and away.min() < NEAR:
-            found.append(k)
-    return np.array(found)
+        degrees = abs(np.degrees((turn + np.pi) % (2 * np.pi) - np.pi))
+        rows.append((loop.fit, loop.ratio, off, degrees, away.min()))
+    return Trials(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
 
 
 def main() -> None:
-    usual = Trust()
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("data", nargs="+", metavar="DATA=FOLDER")
     parser.add_argument("--checkpoint", default="shipped")
-    parser.add_argument("--fit", type=float, default=usual.fit)
-    parser.add_argument("--ratio", type=float, default=usual.ratio)
+    parser.add_argument("--fit", type=float, default=LOOP_TRUST.fit)
+    parser.add_argument("--ratio", type=float, default=LOOP_TRUST.ratio)
+    parser.add_argument("--keep", type=float, metavar="SHARE", help="choose a fit by its recall")
     args = parser.parse_args()
     torch.set_num_threads(1)
-    network, settings = load_network(args.checkpoint).method, LoopSettings()
+    tune_process()
+    network, drives = load_network(args.checkpoint).method, []
     print("| | keyframes | loops | right to 2 m | to 4 m | recall | of | ms |")
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for item in args.data:
-        name, _, root = item.partition("=")
-        format = name.removeprefix("sim_")
-        session = open_session(format, root, list_sessions(format, root)[0])
-        empty = Map(network, FORMATS[format].ground_z, trust=Trust(args.fit, args.ratio))
-        started = time.perf_counter()
-        graph = find_loops(session, empty, settings)
-        seconds = (time.perf_counter() - started) / len(graph.scans)
-        off = disagreement(graph)
-        right = [(off[:, 0] < metres) & (off[:, 1] < 5) for metres in (2, 4)]
-        path = path_lengths(session.positions)[graph.scans]
-        back = returning(graph, path, settings.recent)
-        found = {loop.keyframe for loop, good in zip(graph.loops, right[1], strict=True) if good}
-        recall = np.mean([k in found for k in back]) if len(back) else np.nan
+        drive = look_back(*item.split("=", 1), network, LoopSettings())
+        drives.append(drive)
+        trust = Trust(args.fit, args.ratio)
+        strict, wide = (outcome(drive.trials, trust, right) for right in (RIGHT, BESIDE))
         print(
-            f"| {Path(root).name} | {len(graph.scans)} | {len(off)} | {right[0].mean():.3f} | "
-            f"{right[1].mean():.3f} | {recall:.3f} | {len(back)} | {seconds * 1e3:.0f} |",
+            f"| {drive.name} | {drive.keyframes} | {strict.trusted} | {strict.precision:.3f} | "
+            f"{wide.precision:.3f} | {wide.recall:.3f} | {(drive.trials.nearest <= NEAR).sum()} | "
+            f"{drive.seconds * 1e3:.0f} |",
             flush=True,
+        )
+    if args.keep is not None:
+        trials = join([drive.trials for drive in drives])
+        found = [outcome(trials, Trust(float(fit), args.ratio), RIGHT) for fit in FITS]
+        best = [one for one in found if one.recall >= args.keep][-1]
+        print(
+            f"\nfit {best.trust.fit:g} keeps {best.recall:.3f} of the returns at a precision of "
+            f"{best.precision:.3f} ({best.trusted} loops)"
         )
 
 

@@ -159,7 +159,7 @@ def test_other_versions_and_altered_headers_are_told(built, tmp_path):
     with pytest.raises(DeepringError, match="its header was altered"):
         Map.open(path)
     rewritten(path, lambda header: header.update(version=99))
-    with pytest.raises(DeepringError, match="format version 99, expected 1"):
+    with pytest.raises(DeepringError, match="format version 99, expected 2"):
         Map.open(path)
     save_file({"a": torch.zeros(1)}, path)
     with pytest.raises(DeepringError, match="without a header of ours"):

@@ -143,11 +143,22 @@ def test_the_code_is_a_bound_that_no_rotation_changes():
 def test_code_scores_against_complex_arithmetic():
     code = fit_code(maps(30, 10, 6), CodeSettings(4, 3))
     codes, planes = code.encode(maps(30, 10, 6)), code.queries(maps(2, 10, 6, 4))
-    q = torch.complex(planes[:, :, 0], planes[:, :, 1])
+    q = torch.complex(planes[..., 0], planes[..., 1])
     d = torch.complex(codes[:, :, 0].float(), codes[:, :, 1].float())
-    expected = torch.einsum("qpk,npk->qnk", q, d.conj()).abs().sum(dim=-1)
-    assert codes.shape == (30, 3, 2, 4)
+    expected = torch.einsum("qkp,kpn->qnk", q, d.conj()).abs().sum(dim=-1)
+    assert codes.shape == (4, 3, 2, 30)
     assert torch.allclose(code_scores(planes, codes), expected, rtol=1e-5)
+    assert torch.allclose(code_scores(planes, codes, 7), expected[:, :7], rtol=1e-5)
+
+
+@pytest.mark.parametrize("places", [1, 511, 512, 1500])
+def test_code_scores_of_any_number_of_places(places):
+    generator = torch.Generator().manual_seed(0)
+    codes = torch.randint(-127, 128, (3, 2, 2, places), dtype=torch.int8, generator=generator)
+    queries = torch.randn(2, 3, 2, 2, generator=generator)
+    q, d = torch.view_as_complex(queries), torch.complex(codes[:, :, 0] + 0.0, codes[:, :, 1] + 0.0)
+    expected = torch.einsum("qkp,kpn->qnk", q, d.conj()).abs().sum(dim=-1)
+    assert torch.allclose(code_scores(queries, codes), expected, rtol=1e-4)
 
 
 def test_the_size_decides_which_search_it_is():

@@ -16,7 +16,7 @@ def test_rows_are_those_that_were_added(counts, size, attached):
     rows, parts, total = Rows(), [], 0
     for number, count in enumerate(counts):
         part = torch.arange(total, total + count).float()[:, None] * torch.tensor([1.0, -1.0])
-        named = {"a": part, "b": part[:, 0].long()}
+        named = {"a": part, "b": part[:, 0].long(), "code": part.T.contiguous()}
         if number == attached and count:
             rows.attach(named)
         else:
@@ -32,6 +32,9 @@ def test_rows_are_those_that_were_added(counts, size, attached):
     assert all(1 <= len(a) <= size for _, a, _ in seen)
     if total:
         assert torch.equal(torch.cat([a for _, a, _ in seen]), expected)
+        lying = torch.cat([code[..., :used] for used, code in rows.whole("code")], dim=-1)
+        assert torch.equal(lying, expected.T)
+        assert torch.equal(torch.cat([c for _, (c,) in rows.chunks(size, "code")], dim=-1), lying)
         some = torch.randperm(total)[: total // 2 + 1]
         a, b = rows.take(some, "a", "b")
         assert torch.equal(a, expected[some])

@@ -9,7 +9,7 @@ from deepring.cli.report import console
 from deepring.core.refinement import RefinementSettings
 from deepring.files import replacing
 from deepring.maps.graph_files import g2o_lines, json_text, tum_lines
-from deepring.maps.loops import LoopSettings, find_loops
+from deepring.maps.loops import LOOP_TRUST, LoopSettings, find_loops
 from deepring.maps.map import Map, Trust
 from deepring.progress import progress_bar
 
@@ -52,7 +52,7 @@ def _parser() -> argparse.ArgumentParser:
     add_drive(parser)
     add_network(parser)
     parser.add_argument("-o", dest="output", metavar="OUT", required=True, help="without ending")
-    usual, trust = LoopSettings(), Trust()
+    usual, trust = LoopSettings(), LOOP_TRUST
     parser.add_argument(
         "--spacing",
         type=float,

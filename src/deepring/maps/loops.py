@@ -11,7 +11,12 @@ from deepring.data.cache import Progress
 from deepring.data.sampling import path_lengths, sample_by_distance
 from deepring.data.scan import Session
 from deepring.errors import DeepringError
-from deepring.maps.map import Location, Map
+from deepring.maps.map import Location, Map, Trust
+
+#: When to trust a loop. A wrong loop costs a back end more than a missed one, and keyframes 2 m
+#: apart give each return many chances: the largest fit, in hundredths, that keeps 98 % of the
+#: returns of four simulated drives (`benchmarks/loops.py --keep 0.98`).
+LOOP_TRUST = Trust(fit=0.32)
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,8 @@ def find_loops(
     Args:
         session: the drive. Its poses may drift: they tell how far was driven, and which
             candidates contradict each other.
-        empty: a map without places, whose network, trust and ground are used; it is filled.
+        empty: a map without places, whose network, trust and ground are used; it is filled. See
+            `LOOP_TRUST`: a map's usual trust is for places further apart.
         settings: keyframes and what is too recent.
         progress: called with keyframes done and their total.
 

@@ -29,6 +29,7 @@ from deepring.methods.portable import describe_network, make_network, weights_of
 from deepring.search.code import CodeSettings
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
 from deepring.search.of_method import index_for
+from deepring.search.rows import axis_of
 
 #: Places looked up for each candidate that is aligned, so that candidates can lie apart.
 SURPLUS = 8
@@ -192,7 +193,10 @@ class Map:
         """Write the map, whole or not at all."""
         blocks = self.index.places.blocks()
         names = list(blocks[0]) if blocks else []
-        tensors = {f"index.{name}": torch.cat([b[name] for b in blocks]) for name in names}
+        tensors = {
+            f"index.{name}": torch.cat([block[name] for block in blocks], dim=axis_of(name))
+            for name in names
+        }
         if self.index.code is not None:
             tensors |= {"code.basis": self.index.code.basis, "code.step": self.index.code.step}
         tensors |= {f"network.{name}": value for name, value in weights_of(self.network).items()}

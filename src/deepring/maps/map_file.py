@@ -19,7 +19,7 @@ from deepring.errors import DeepringError
 from deepring.files import write_tensors
 
 #: Raise when what a file holds, or what it means, changes.
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 _KEY = "deepring_map"
 _WANTED = "expected a map as `deepring map build` writes it"

@@ -6,6 +6,9 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
+#: Codes whose sums are kept at once, in the processor's nearest cache.
+LOT = 512
+
 
 def _read(number):
     """A kept number as float32; uint16 are the upper halves of float32, that is bfloat16."""
@@ -80,21 +83,23 @@ def insert(score, place, shift, value, number, turn):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def code_scores(queries, codes, out):
-    """Σ_k |Σ_p Q(p, k) conj D(p, k)| of queries (q, p, 2, k) float32 with codes (n, p, 2, k)
-    int8: ``out`` (q, n) float32."""
-    components, frequencies = codes.shape[1], codes.shape[3]
-    real = np.empty(frequencies, np.float32)
-    imaginary = np.empty(frequencies, np.float32)
-    for i in range(codes.shape[0]):
+    """Σ_k |Σ_p Q(k, p) conj D(k, p)| of queries (q, k, p, 2) float32 with the first n of codes
+    (k, p, 2, N) int8: ``out`` (q, n) float32."""
+    real, imaginary = np.empty(LOT, np.float32), np.empty(LOT, np.float32)
+    for start in range(0, out.shape[1], LOT):
+        lot = min(LOT, out.shape[1] - start)
         for b in range(queries.shape[0]):
-            real[:] = 0
-            imaginary[:] = 0
-            for p in range(components):
-                for k in range(frequencies):
-                    x, y = np.float32(codes[i, p, 0, k]), np.float32(codes[i, p, 1, k])
-                    real[k] += queries[b, p, 0, k] * x + queries[b, p, 1, k] * y
-                    imaginary[k] += queries[b, p, 1, k] * x - queries[b, p, 0, k] * y
-            total = np.float32(0)
-            for k in range(frequencies):
-                total += math.sqrt(real[k] * real[k] + imaginary[k] * imaginary[k])
-            out[b, i] = total
+            total = out[b, start : start + lot]
+            total[:] = 0
+            for k in range(codes.shape[0]):
+                real[:lot] = 0
+                imaginary[:lot] = 0
+                for p in range(codes.shape[1]):
+                    u, v = queries[b, k, p, 0], queries[b, k, p, 1]
+                    some = codes[k, p, :, start : start + lot]
+                    for i in range(lot):
+                        x, y = np.float32(some[0, i]), np.float32(some[1, i])
+                        real[i] += u * x + v * y
+                        imaginary[i] += v * x - u * y
+                for i in range(lot):
+                    total[i] += math.sqrt(real[i] * real[i] + imaginary[i] * imaginary[i])

@@ -21,8 +21,8 @@ from deepring.errors import DeepringError
 class CodeSettings:
     """Size of a code: 2 · frequencies · components bytes."""
 
-    frequencies: int = 16
-    components: int = 12
+    frequencies: int = 10
+    components: int = 16
 
     def __post_init__(self) -> None:
         for name in ("frequencies", "components"):
@@ -36,27 +36,29 @@ class Code(NamedTuple):
     basis: Tensor
     """(ω, p) orthonormal float32, principal directions of the rows of descriptors."""
     step: Tensor
-    """(p, k) float32: the value of one int8 step."""
+    """(k, p) float32: the value of one int8 step."""
     rows: int
     """θ of the descriptors."""
 
     def encode(self, descriptors: Tensor) -> Tensor:
-        """Codes (n, p, 2, k) int8 of descriptors (n, θ, ω)."""
-        return (self._project(descriptors) / self.step[:, None]).round().clamp(-127, 127).char()
+        """Codes (k, p, 2, n) int8 of descriptors (n, θ, ω): real and imaginary parts, places
+        last."""
+        scaled = self._project(descriptors) / self.step[..., None]
+        return scaled.round().clamp(-127, 127).char().permute(1, 2, 3, 0).contiguous()
 
     def queries(self, descriptors: Tensor) -> Tensor:
-        """Queries (q, p, 2, k) float32 that codes are scored with."""
+        """Queries (q, k, p, 2) float32 that codes are scored with."""
         # Frequencies other than 0 and θ / 2 occur twice; the inverse DFT divides by θ.
-        weight = torch.full((self.step.shape[1],), 2.0 / self.rows, device=descriptors.device)
+        weight = torch.full((len(self.step), 1, 1), 2.0 / self.rows, device=descriptors.device)
         weight[0] = 1.0 / self.rows
         if 2 * (len(weight) - 1) == self.rows:
             weight[-1] = 1.0 / self.rows
-        return (self._project(descriptors) * self.step[:, None] * weight).contiguous()
+        return (self._project(descriptors) * self.step[..., None] * weight).contiguous()
 
     def _project(self, descriptors: Tensor) -> Tensor:
-        spectrum = theta_spectrum(descriptors)[:, : self.step.shape[1]]
+        spectrum = theta_spectrum(descriptors)[:, : len(self.step)]
         planes = torch.view_as_real(spectrum)  # (n, k, ω, 2)
-        return torch.einsum("nkwc,wp->npck", planes, self.basis)
+        return torch.einsum("nkwc,wp->nkpc", planes, self.basis)
 
 
 def fit_code(descriptors: Tensor, settings: CodeSettings) -> Code:
@@ -67,22 +69,23 @@ def fit_code(descriptors: Tensor, settings: CodeSettings) -> Code:
     samples = descriptors.flatten(0, 1).double()
     _, directions = torch.linalg.eigh(samples.T @ samples)  # ascending
     basis = directions.flip(-1)[:, :components].float().contiguous()
-    unscaled = Code(basis, torch.ones(components, frequencies, device=basis.device), rows)
-    magnitudes = unscaled._project(descriptors).abs().permute(1, 3, 0, 2).flatten(2)
+    unscaled = Code(basis, torch.ones(frequencies, components, device=basis.device), rows)
+    magnitudes = unscaled._project(descriptors).abs().permute(1, 2, 0, 3).flatten(2)
     # One value in a thousand is cut off, so that outliers do not coarsen the rest.
     largest = magnitudes.sort(dim=-1).values[..., int(0.999 * (magnitudes.shape[-1] - 1))]
     return Code(basis, largest.clamp_min(1e-30) / 127, rows)
 
 
-def code_scores(queries: Tensor, codes: Tensor) -> Tensor:
-    """Σ_k |c_k| (q, n) float32 of queries (q, p, 2, k) float32 with codes (n, p, 2, k) int8."""
+def code_scores(queries: Tensor, codes: Tensor, count: int | None = None) -> Tensor:
+    """Σ_k |c_k| (q, n) float32 of queries (q, k, p, 2) float32 with codes (k, p, 2, n) int8, or
+    with the first ``count`` of them."""
+    count = codes.shape[-1] if count is None else count
     if queries.device.type == "cpu":
         from deepring.search import _kernels
 
-        out = torch.empty(len(queries), len(codes))
-        _kernels.code_scores(queries.numpy(), codes.numpy(), out.numpy())
+        out = torch.empty(len(queries), count)
+        _kernels.code_scores(queries.numpy(), codes.contiguous().numpy(), out.numpy())
         return out
-    complex_queries = torch.complex(queries[:, :, 0], queries[:, :, 1]).permute(2, 0, 1)
-    planes = codes.float()
-    complex_codes = torch.complex(planes[:, :, 0], -planes[:, :, 1]).permute(2, 1, 0)
-    return torch.bmm(complex_queries, complex_codes).abs().sum(dim=0)
+    complex_queries = torch.view_as_complex(queries).transpose(0, 1)
+    planes = codes[..., :count].float()
+    return torch.bmm(complex_queries, torch.complex(planes[:, :, 0], -planes[:, :, 1])).abs().sum(0)

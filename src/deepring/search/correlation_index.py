@@ -17,9 +17,6 @@ from deepring.search.rows import Rows
 from deepring.search.shards import read_header, read_shards, write_header, write_shard
 from deepring.search.spectra import Precision, encode, expect_precision, spectrum_planes
 
-#: Places whose codes are scored at once.
-_CODES = 65_536
-
 
 @dataclass(frozen=True)
 class SearchSettings:
@@ -123,12 +120,11 @@ class CorrelationIndex:
         """The places (q, c) int64, of the first ``count``, that the codes put first."""
         count = len(self) if count is None else count
         share = math.ceil(self.settings.candidate_share * count)
-        best = Best(len(queries), max(self.settings.candidates, share), self.device)
         planes = code.queries(queries)
-        scores = [code_scores(planes, codes) for _, (codes,) in self.places.chunks(_CODES, "code")]
+        scores = [code_scores(planes, codes, used) for used, codes in self.places.whole("code")]
         every = torch.cat(scores, dim=1)[:, :count]
-        best.see(every, torch.arange(count, device=self.device))
-        return best.place
+        kept = min(max(self.settings.candidates, share), count)
+        return every.topk(kept, dim=1, sorted=False).indices
 
     def _exact(self, planes: Tensor, k: int, which: Tensor | None = None) -> Best:
         form = exact.compiled if self.device.type == "cpu" else exact.batched

@@ -10,7 +10,21 @@ from deepring.errors import DeepringError
 #: Rows after which a block is closed; what is in a closed block is never copied again.
 BLOCK = 65_536
 
+#: Names of tensors whose rows lie along the last axis, so that one instruction compares many of
+#: them; those of all others lie along the first.
+LYING = frozenset({"code"})
+
 Block = dict[str, Tensor]
+
+
+def axis_of(name: str) -> int:
+    """The axis along which the rows of a tensor of this name lie."""
+    return -1 if name in LYING else 0
+
+
+def lengths_of(block: Mapping[str, Tensor]) -> set[int]:
+    """How many rows the tensors of a block have: one number, if all is well."""
+    return {value.shape[axis_of(name)] for name, value in block.items()}
 
 
 class Rows:
@@ -37,11 +51,13 @@ class Rows:
         needed = self._used + count
         if not self._tail or needed > _length(self._tail):
             self._tail = {
-                name: _grown(self._tail.get(name), value, max(needed, 2 * self._used))
+                name: _grown(
+                    self._tail.get(name), value, max(needed, 2 * self._used), axis_of(name)
+                )
                 for name, value in rows.items()
             }
         for name, value in rows.items():
-            self._tail[name][self._used : needed] = value
+            _rows(self._tail[name], self._used, count, name).copy_(value)
         self._used = needed
 
     def blocks(self) -> list[Block]:
@@ -54,11 +70,22 @@ class Rows:
         for block in self.blocks():
             length = _length(block)
             for first in range(0, length, size):
-                yield start + first, [block[name][first : first + size] for name in names]
+                count = min(size, length - first)
+                yield start + first, [_rows(block[name], first, count, name) for name in names]
             start += length
 
+    def whole(self, name: str) -> Iterator[tuple[int, Tensor]]:
+        """The tensors of a name as they lie in memory, each with the number of its rows in use.
+
+        Behind those there may be room that rows are yet to be added to.
+        """
+        for block in self._closed:
+            yield _length(block), block[name]
+        if self._used:
+            yield self._used, self._tail[name]
+
     def take(self, numbers: Tensor, *names: str) -> list[Tensor]:
-        """Rows by their numbers (n,), in that order."""
+        """Rows by their numbers (n,), in that order, of tensors whose rows come first."""
         blocks = self.blocks()
         ends = torch.tensor([_length(block) for block in blocks]).cumsum(0)
         owner = torch.bucketize(numbers.cpu(), ends, right=True)
@@ -74,7 +101,7 @@ class Rows:
         return taken
 
     def _open(self) -> Block:
-        return {name: value[: self._used] for name, value in self._tail.items()}
+        return {name: _rows(value, 0, self._used, name) for name, value in self._tail.items()}
 
     def _close(self) -> None:
         if self._used:
@@ -82,15 +109,21 @@ class Rows:
         self._tail, self._used = {}, 0
 
 
+def _rows(tensor: Tensor, first: int, count: int, name: str) -> Tensor:
+    return tensor.narrow(axis_of(name), first, count)
+
+
 def _length(rows: Mapping[str, Tensor]) -> int:
-    lengths = {len(value) for value in rows.values()}
+    lengths = lengths_of(rows)
     if len(lengths) != 1:
         raise DeepringError(f"rows: tensors of {sorted(lengths)} rows, expected one length")
     return lengths.pop()
 
 
-def _grown(old: Tensor | None, like: Tensor, capacity: int) -> Tensor:
-    grown = like.new_empty(capacity, *like.shape[1:])
+def _grown(old: Tensor | None, like: Tensor, capacity: int, axis: int) -> Tensor:
+    shape = list(like.shape)
+    shape[axis] = capacity
+    grown = like.new_empty(shape)
     if old is not None:
-        grown[: len(old)] = old
+        grown.narrow(axis, 0, old.shape[axis]).copy_(old)
     return grown

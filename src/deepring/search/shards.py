@@ -15,10 +15,10 @@ from torch import Tensor
 
 from deepring.errors import DeepringError
 from deepring.files import write_tensors
-from deepring.search.rows import Block
+from deepring.search.rows import Block, lengths_of
 
 #: Raise when what a folder holds, or what it means, changes.
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 _HEADER = "index.safetensors"
 _KEY = "deepring_index"
@@ -64,7 +64,7 @@ def read_shards(folder: Path, lengths: list[int]) -> list[Block]:
     for number, length in enumerate(lengths):
         path = folder / f"{number:05d}.safetensors"
         block, _ = _read(path)
-        found = {len(tensor) for tensor in block.values()}
+        found = lengths_of(block)
         if found != {length}:
             raise DeepringError(f"index {path}: holds {sorted(found)} rows, expected {length}")
         blocks.append(block)
