@@ -37,42 +37,24 @@ def in_box(points, extent, low, high, kept):
     return count
 
 
-@njit(cache=True, nogil=True)
-def lowest_point(points, half, cell, cells, lowest):
-    """Note each point's flat cell in ``cells`` (n,) and lower ``lowest`` (side, side) to the
-    smallest z in it. Each point must lie inside."""
-    scale, half = np.float32(1.0 / cell), np.float32(half)
-    side = lowest.shape[0]
-    flat = lowest.ravel()
-    for k in range(points.shape[0]):
-        i = int((points[k, 0] + half) * scale)
-        j = int((points[k, 1] + half) * scale)
-        cells[k] = i * side + j
-        if points[k, 2] < flat[cells[k]]:
-            flat[cells[k]] = points[k, 2]
-
-
-@njit(cache=True, nogil=True)
-def keep_above(points, cells, floor, clearance):
-    """Move the points that stand more than ``clearance`` above the floor of their flat cell to
-    the front; their number."""
-    flat = floor.ravel()
-    count = 0
-    for k in range(points.shape[0]):
-        above = points[k, 2] > flat[cells[k]] + clearance
-        points[count, 0] = points[k, 0]
-        points[count, 1] = points[k, 1]
-        points[count, 2] = points[k, 2]
-        count += int(above)
-    return count
-
-
 #: Points that are taken at once: their coordinates, one after the other, stay in the first cache.
 _LOT = 2048
 
 
 @njit(cache=True, nogil=True)
-def band_occupancy(points, box, low, high, extent, cells, out):
+def part(flat, start, xs, ys, zs):
+    """Coordinates of a lot of points, that lie one after the other in ``flat`` (3 n,), from the
+    point ``start``; their number. Rows of a fixed width can be taken apart by vector instructions.
+    """
+    count = min(xs.shape[0], flat.shape[0] // 3 - start)
+    lot = flat[3 * start : 3 * (start + count)]
+    for k in range(count):
+        xs[k], ys[k], zs[k] = lot[3 * k], lot[3 * k + 1], lot[3 * k + 2]
+    return count
+
+
+@njit(cache=True, nogil=True)
+def band_occupancy(flat, box, low, high, extent, cells, out):
     """`in_box` and `occupancy` at once: mark in ``out`` (cells² + 1,) uint8, flat, the cells of
     points with |x|, |y| < box and low < z < high; all others mark the last."""
     box, low, high = np.float32(box), np.float32(low), np.float32(high)
@@ -80,22 +62,20 @@ def band_occupancy(points, box, low, high, extent, cells, out):
     side, spare, end = np.int32(cells), np.int32(cells * cells), np.float32(cells)
     xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
     cell = np.empty(_LOT, np.uint32)
-    for start in range(0, points.shape[0], _LOT):
-        lot = points[start : start + _LOT]
-        for k in range(lot.shape[0]):
-            xs[k], ys[k], zs[k] = lot[k, 0], lot[k, 1], lot[k, 2]
-        for k in range(lot.shape[0]):
+    for start in range(0, flat.shape[0] // 3, _LOT):
+        count = part(flat, start, xs, ys, zs)
+        for k in range(count):
             x, y, z = xs[k], ys[k], zs[k]
             u, v = (x + half) * scale, (y + half) * scale
             kept = (abs(x) < box) & (abs(y) < box) & (z > low) & (z < high)
             kept &= (u >= 0) & (u < end) & (v >= 0) & (v < end)
             cell[k] = np.uint32(np.int32(u) * side + np.int32(v) if kept else spare)
-        for k in range(lot.shape[0]):
+        for k in range(count):
             out[cell[k]] = 1
 
 
 @njit(cache=True, nogil=True)
-def two_cells(points, box, low, high, ground_cell, ground_side, extent, cells, ground, image):
+def two_cells(flat, box, low, high, ground_cell, ground_side, extent, cells, ground, image):
     """Flat cells of each point in the grid of the ground and in the image, (n,) uint32; for
     points outside of the box, or of the image, the cell behind the last."""
     box, low, high = np.float32(box), np.float32(low), np.float32(high)
@@ -104,12 +84,10 @@ def two_cells(points, box, low, high, ground_cell, ground_side, extent, cells, g
     scale, half = np.float32(cells / (2.0 * extent)), np.float32(extent)
     side, end = np.int32(cells), np.float32(cells)
     xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
-    for start in range(0, points.shape[0], _LOT):
-        lot = points[start : start + _LOT]
+    for start in range(0, flat.shape[0] // 3, _LOT):
+        count = part(flat, start, xs, ys, zs)
         g, c = ground[start : start + _LOT], image[start : start + _LOT]
-        for k in range(lot.shape[0]):
-            xs[k], ys[k], zs[k] = lot[k, 0], lot[k, 1], lot[k, 2]
-        for k in range(lot.shape[0]):
+        for k in range(count):
             x, y, z = xs[k], ys[k], zs[k]
             kept = (abs(x) < box) & (abs(y) < box) & (z > low) & (z < high)
             i = np.int32((x + ground_half) * ground_scale)
@@ -121,19 +99,47 @@ def two_cells(points, box, low, high, ground_cell, ground_side, extent, cells, g
 
 
 @njit(cache=True, nogil=True)
-def lower(points, cells, lowest):
+def ground_cells(flat, box, low, high, cell, side, ground):
+    """The first of `two_cells` alone."""
+    box, low, high = np.float32(box), np.float32(low), np.float32(high)
+    half, scale, row = np.float32(side * cell / 2), np.float32(1.0 / cell), np.int32(side)
+    xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
+    for start in range(0, flat.shape[0] // 3, _LOT):
+        count = part(flat, start, xs, ys, zs)
+        g = ground[start : start + _LOT]
+        for k in range(count):
+            x, y, z = xs[k], ys[k], zs[k]
+            kept = (abs(x) < box) & (abs(y) < box) & (z > low) & (z < high)
+            i, j = np.int32((x + half) * scale), np.int32((y + half) * scale)
+            g[k] = np.uint32(i * row + j if kept else row * row)
+
+
+@njit(cache=True, nogil=True)
+def keep_above(flat, ground, floor, clearance, kept):
+    """Copy the points more than ``clearance`` above the floor of their ground cell to the front
+    of ``kept`` (n + 1, 3); their number."""
+    count = 0
+    for k in range(ground.shape[0]):
+        kept[count, 0], kept[count, 1] = flat[3 * k], flat[3 * k + 1]
+        kept[count, 2] = flat[3 * k + 2]
+        count += int(flat[3 * k + 2] > floor[ground[k]] + clearance)
+    return count
+
+
+@njit(cache=True, nogil=True)
+def lower(flat, cells, lowest):
     """Lower ``lowest``, flat, to the smallest z of the points in each cell."""
     for k in range(cells.shape[0]):
-        z, least = points[k, 2], lowest[cells[k]]
+        z, least = flat[3 * k + 2], lowest[cells[k]]
         lowest[cells[k]] = z if z < least else least
 
 
 @njit(cache=True, nogil=True)
-def mark_above(points, ground, image, floor, clearance, out):
+def mark_above(flat, ground, image, floor, clearance, out):
     """Mark in ``out``, flat, the image's cells of points more than ``clearance`` above the floor
     of their ground cell."""
     for k in range(ground.shape[0]):
-        out[image[k]] |= np.uint8(points[k, 2] > floor[ground[k]] + clearance)
+        out[image[k]] |= np.uint8(flat[3 * k + 2] > floor[ground[k]] + clearance)
 
 
 @njit(cache=True, nogil=True)
@@ -156,7 +162,7 @@ def minimum_filter(image, window):
 
 @njit(cache=True, nogil=True)
 def radon(images, cosines, sines, scale, unit, out):
-    """Pixel-driven Radon transform of (b, h, h) float32 into ``out`` (b, angles, bins).
+    """Pixel-driven Radon transform of (b, h, h) uint8 or float32 into ``out`` (b, angles, bins).
 
     Coordinates are in cells from the image's centre; ``scale`` is τ bins a cell, ``unit`` the
     side of a cell. Each occupied cell is projected to its τ and shared linearly between the two
@@ -165,9 +171,9 @@ def radon(images, cosines, sines, scale, unit, out):
     size, bins = images.shape[1], out.shape[2]
     half, mirrored = cosines.shape[0], out.shape[1] > cosines.shape[0]
     centre = np.float32((size - 1) / 2.0)
-    xs = np.empty(size * size + 1, np.float32)
-    ys = np.empty(size * size + 1, np.float32)
-    values = np.empty(size * size + 1, np.float32)
+    xs = np.empty(size * size, np.float32)
+    ys = np.empty(size * size, np.float32)
+    values = np.empty(size * size, np.float32)
     lower = np.empty(size * size, np.uint32)
     share = np.empty(size * size, np.float32)
     # What falls to a bin and to the one above it, side by side: one place in memory a cell. A
@@ -177,10 +183,12 @@ def radon(images, cosines, sines, scale, unit, out):
         count = 0
         for i in range(size):
             for j in range(size):
-                xs[count] = (i - centre) * scale
-                ys[count] = (j - centre) * scale
-                values[count] = images[b, i, j] * scale
-                count += int(images[b, i, j] != 0)
+                # Few cells are occupied, so that the branch is foreseen.
+                if images[b, i, j] != 0:
+                    xs[count] = (i - centre) * scale
+                    ys[count] = (j - centre) * scale
+                    values[count] = images[b, i, j] * scale
+                    count += 1
         for a in range(cosines.shape[0]):
             project(xs[:count], ys[:count], cosines[a], sines[a], bins, lower, share)
             pairs[:] = 0.0

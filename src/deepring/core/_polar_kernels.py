@@ -103,6 +103,7 @@ def nearest_return(points, viewpoint, sectors, rows, lowest, highest, out):
     sector, ring = np.empty(_LOT, np.int32), np.empty(_LOT, np.int32)
     sure = np.empty(_LOT, np.bool_)
     heights, flats = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
+    ranges = np.empty(_LOT, np.float32)
     row, certain = np.empty(_LOT, np.int32), np.empty(_LOT, np.bool_)
     scale, base = np.float32(rows / (highest - lowest)), np.float32(lowest)
     margin = np.float32(2 * _OFF * rows / (highest - lowest) + 1e-6 * rows)
@@ -110,9 +111,10 @@ def nearest_return(points, viewpoint, sectors, rows, lowest, highest, out):
         lot = points[start : start + _LOT]
         sectors_and_rings(lot, 1.0, sectors, 2**30, sector, ring, sure)
         for k in range(lot.shape[0]):
-            x, y = lot[k, 0], lot[k, 1]
-            flats[k] = math.sqrt(x * x + y * y)
-            heights[k] = lot[k, 2] - viewpoint
+            x, y, z = lot[k, 0], lot[k, 1], lot[k, 2] - viewpoint
+            flat = math.sqrt(x * x + y * y)
+            flats[k], heights[k] = flat, z
+            ranges[k] = math.sqrt(flat * flat + z * z)
         for k in range(lot.shape[0]):
             place = (rough_angle(heights[k], flats[k]) - base) * scale
             whole = np.int32(math.floor(place))
@@ -120,14 +122,12 @@ def nearest_return(points, viewpoint, sectors, rows, lowest, highest, out):
             row[k] = whole
             certain[k] = (over > margin) & (over < 1 - margin)
         for k in range(lot.shape[0]):
-            x, y, z = lot[k, 0], lot[k, 1], lot[k, 2] - viewpoint
-            flat = math.sqrt(x * x + y * y)
             r = row[k]
             if not certain[k]:
-                r = math.floor((math.atan2(z, flat) - lowest) / (highest - lowest) * rows)
+                z = lot[k, 2] - viewpoint
+                r = math.floor((math.atan2(z, flats[k]) - lowest) / (highest - lowest) * rows)
             if not 0 <= r < rows:
                 continue
-            s = sector[k] if sure[k] else exact_sector(y, x, sectors)
-            distance = np.float32(math.sqrt(flat * flat + z * z))
-            if distance < out[s, r]:
-                out[s, r] = distance
+            s = sector[k] if sure[k] else exact_sector(lot[k, 1], lot[k, 0], sectors)
+            if ranges[k] < out[s, r]:
+                out[s, r] = ranges[k]

@@ -57,20 +57,40 @@ class Preprocessing:
         """
         from deepring.core import _kernels
 
-        low, high = self.height
+        low, high = (height + ground_z for height in self.height)
         points = expect_points(points)
         kept = np.empty((len(points) + 1, 3), dtype=np.float32)
-        count = _kernels.in_box(points, self.extent, low + ground_z, high + ground_z, kept)
+        if self.clearance is None:
+            count = _kernels.in_box(points, self.extent, low, high, kept)
+        else:
+            flat, side = coordinates(points), self.side
+            cells = np.empty(len(points), dtype=np.uint32)
+            _kernels.ground_cells(flat, self.extent, low, high, self.cell, side, cells)
+            floor = self.floor(flat, cells)
+            count = _kernels.keep_above(flat, cells, floor, np.float32(self.clearance), kept)
         kept = kept[:count]
-        if self.clearance is not None:
-            side = self.side
-            lowest = np.full((side, side), np.inf, dtype=np.float32)
-            cells = np.empty(count, dtype=np.int32)
-            _kernels.lowest_point(kept, side * self.cell / 2, self.cell, cells, lowest)
-            floor = _kernels.minimum_filter(lowest, self.window)
-            kept = kept[: _kernels.keep_above(kept, cells, floor, np.float32(self.clearance))]
         kept[:, 2] -= np.float32(ground_z)
         return kept
+
+    def floor(self, flat: NDArray[np.float32], cells: NDArray[np.uint32]) -> NDArray[np.float32]:
+        """Height of the local ground (side² + 1,) in each flat cell of the grid.
+
+        ``cells`` are those of the points ``flat`` (3 n,). Points that do not count are in the cell
+        behind the last, where the ground is above everything.
+        """
+        from deepring.core import _kernels
+
+        lowest = np.full(self.side**2 + 1, np.inf, dtype=np.float32)
+        _kernels.lower(flat, cells, lowest)
+        grid = lowest[:-1].reshape(self.side, self.side)
+        grid[:] = _kernels.minimum_filter(grid, self.window)
+        lowest[-1] = np.inf
+        return lowest
+
+
+def coordinates(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """x, y, z of points (n, >=3) one after the other, (3 n,)."""
+    return np.ascontiguousarray(points[:, :3]).reshape(-1)
 
 
 def expect_points(points: NDArray[np.float32]) -> NDArray[np.float32]:

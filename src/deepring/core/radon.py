@@ -58,12 +58,12 @@ def radon(
     count = angles // 2 if turn == "full" else angles
     size = image.shape[-1]
     bins = size if bins is None else bins
-    batch = image.reshape(-1, size, size).to(torch.float32)
+    batch = image.reshape(-1, size, size)
     compiled = batch.device.type == "cpu" and not (batch.requires_grad and torch.is_grad_enabled())
     if compiled:
         rows = _compiled(batch, count, angles, bins, 2 * extent / size)
     else:
-        rows = _half_turn(batch, count, bins)
+        rows = _half_turn(batch.to(torch.float32), count, bins)
         rows = torch.cat([rows, rows.flip(-1)], dim=-2) if turn == "full" else rows
         rows = rows * (2 * extent / size)
     return rows.reshape(*image.shape[:-2], angles, bins)
@@ -83,8 +83,10 @@ def _compiled(batch: Tensor, count: int, angles: int, bins: int, unit: float) ->
     cosines, sines = (direction.numpy() for direction in _directions(count))
     out = torch.empty(len(batch), angles, bins)
     scale = np.float32(bins / batch.shape[-1])
-    images = batch.detach().contiguous().numpy()
-    _kernels.radon(images, cosines, sines, scale, np.float32(unit), out.numpy())
+    bits = batch.dtype == torch.bool
+    images = batch.view(torch.uint8) if bits else batch.detach().to(torch.float32)
+    images = images.contiguous()
+    _kernels.radon(images.numpy(), cosines, sines, scale, np.float32(unit), out.numpy())
     return out
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.core.bev import disc_mask
-from deepring.core.ground import Preprocessing, expect_points
+from deepring.core.ground import Preprocessing, coordinates, expect_points
 
 
 def scan_to_bev(
@@ -20,24 +20,21 @@ def scan_to_bev(
     """
     from deepring.core import _kernels
 
-    points = expect_points(points)
+    flat = coordinates(expect_points(points))
     low, high = (height + ground_z for height in preprocessing.height)
     box = preprocessing.extent
     image = np.zeros(cells * cells + 1, dtype=np.uint8)  # the last cell is for all other points
     if preprocessing.clearance is None:
-        _kernels.band_occupancy(points, box, low, high, extent, cells, image)
+        _kernels.band_occupancy(flat, box, low, high, extent, cells, image)
     else:
         side = preprocessing.side
         of_ground, of_image = np.empty((2, len(points)), dtype=np.uint32)
         _kernels.two_cells(
-            points, box, low, high, preprocessing.cell, side, extent, cells, of_ground, of_image
+            flat, box, low, high, preprocessing.cell, side, extent, cells, of_ground, of_image
         )
-        lowest = np.full(side * side + 1, np.inf, dtype=np.float32)
-        _kernels.lower(points, of_ground, lowest)
-        grid = lowest[:-1].reshape(side, side)
-        grid[:] = _kernels.minimum_filter(grid, preprocessing.window)
+        floor = preprocessing.floor(flat, of_ground)
         clearance = np.float32(preprocessing.clearance)
-        _kernels.mark_above(points, of_ground, of_image, lowest, clearance, image)
+        _kernels.mark_above(flat, of_ground, of_image, floor, clearance, image)
     occupied = image[:-1].reshape(cells, cells).view(np.bool_)
     occupied &= disc_mask(cells)
     return occupied
