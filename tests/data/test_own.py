@@ -96,11 +96,14 @@ def test_kittis_world_by_its_axis_differs_by_one_fixed_motion(tmp_path):
     np.testing.assert_allclose(apart, np.broadcast_to(apart[0], apart.shape), atol=1e-9)
     assert apart[0, 2, 2] > 0.99  # z is up in both, but for the calibration's tilt
     # The misreadings: without an axis the drive lies on its side; without the sensor's pose the
-    # scans are taken for the camera's.
-    side = open_own(describe(root, **KITTI | {"world_up": "z"})).poses
-    assert abs(side[:, 2, 2]).max() < 0.2
-    camera = open_own(describe(root, **KITTI | {"world_up": "-y", "sensor_in_body": None})).poses
-    assert abs(camera[:, 2, 2]).max() < 0.2
+    # scans are taken for the camera's; and with the wrong sign it is upside down.
+    for wrong, tilt in (
+        ({"world_up": "z"}, "9[01]|8[89]"),
+        ({"world_up": "-y", "sensor_in_body": None}, "9[01]|8[89]"),
+        ({"world_up": "y"}, "1[78][0-9]"),
+    ):
+        with pytest.raises(DeepringError, match=rf"the scans' up is ({tilt})° off the world's"):
+            open_own(describe(root, **KITTI | wrong))
 
 
 @pytest.mark.parametrize("up", UP)
@@ -193,7 +196,9 @@ def test_one_file_may_describe_several_drives(tmp_path):
     for name in ("a", "b"):
         write_own(tmp_path / name, drive_of(3 if name == "a" else 4))
     drives = {n: {"scans": f"{n}/scans", "poses": f"{n}/poses.txt"} for n in ("b", "a")}
-    path = describe(tmp_path, sensor_height=1.5, drives=drives | {"c": {**drives["a"], "up": "y"}})
+    path = describe(
+        tmp_path, sensor_height=1.5, drives=drives | {"c": {**drives["a"], "range": [1, 50]}}
+    )
     assert detect_format(path) == "own"
     assert list_own(path) == list_sessions("own", path) == ["b", "a", "c"]
     assert [len(open_session("own", path, name)) for name in ("a", "b")] == [3, 4]

@@ -1,5 +1,6 @@
 """Drives of one's own: scans and poses in a folder, and a YAML file that says what they are."""
 
+import math
 import re
 from decimal import Decimal
 from pathlib import Path
@@ -33,7 +34,8 @@ def open_own(root: Path | str, name: str | None = None) -> Session:
     `Drive`). ``ground_truth`` is their (x, y), ``stamps`` are those of TUM rows or None,
     ``ground_z`` is minus the sensor's height. Files that cannot be scans by their size are left
     out and counted. Raises DeepringError for what `read_drives` refuses, a folder or file that is
-    not there, other numbers of scans and poses, and a pose that is not rigid.
+    not there, other numbers of scans and poses, a pose that is not rigid, and scans that lie on
+    their side or head in the poses' world.
     """
     drive = _chosen(_drives(root), root, name)
     files = _scans(drive)
@@ -50,6 +52,7 @@ def open_own(root: Path | str, name: str | None = None) -> Session:
     if not len(used):
         raise DeepringError(f"all {len(files)} scans of {drive.scans} are broken: {reasons[0]}")
     poses = z_up_poses(rows[used], drive)
+    _expect_upright(poses, drive)
     return Session(
         name=drive.name,
         files=tuple(files[k] for k in used),
@@ -170,6 +173,17 @@ def _tum(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         rotations[unit] = Rotation.from_quat(values[unit, 3:]).as_matrix()
     poses = _rigid(pose_from(rotations, values[:, :3]), path)
     return poses, np.rint(seconds * NANOSECONDS).astype(np.int64)
+
+
+def _expect_upright(poses: NDArray[np.float64], drive: Drive) -> None:
+    """An axis that does not point up would give images from the side, in silence."""
+    tilt = math.degrees(math.acos(np.clip(np.median(poses[:, 2, 2]), -1, 1)))
+    if tilt > 60:
+        raise DeepringError(
+            f"{drive.file}: up: {drive.up}, world_up: {drive.world_up}; with these the scans' up "
+            f"is {tilt:.0f}° off the world's in half of the poses, expected at most 60°. Set up to "
+            "the axis of the scans, and world_up to that of the poses' world, that points up"
+        )
 
 
 def _rigid(poses: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
