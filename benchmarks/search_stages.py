@@ -16,7 +16,7 @@ from deepring.search.spectra import encode
 from deepring.search.vector_index import VectorIndex
 
 #: Places of which real descriptors are made; larger maps repeat them with noise.
-DRAWN = 2000
+DRAWN = 10_000
 
 
 def published_correlation(a: Tensor, b: Tensor) -> float:

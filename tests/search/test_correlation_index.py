@@ -13,7 +13,14 @@ from deepring.search.code import CodeSettings, code_scores, fit_code
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
 from deepring.search.exact import batched, compiled
 from deepring.search.rows import Rows
-from deepring.search.spectra import LANES, best_shift, encode, spectrum_planes
+from deepring.search.spectra import (
+    LANES,
+    best_shift,
+    cross_spectra,
+    encode,
+    rest_of,
+    spectrum_planes,
+)
 
 PRECISIONS = ["float32", "bfloat16", "int8"]
 EXHAUSTIVE = SearchSettings(code=None)
@@ -86,7 +93,7 @@ def test_compiled_and_torch_forms_agree(precision, rows, cols, k):
     for seed in (0, 1):
         spectra = encode(maps(17, rows, cols, seed), precision)
         assert spectra.values.shape == (17, rows // 2 + 1, 2, -(-cols // LANES) * LANES)
-        places.attach({"values": spectra.values, "scale": spectra.scale})
+        places.attach(spectra._asdict())
     planes = spectrum_planes(maps(3, rows, cols, seed=9))
     for which in (None, torch.tensor([0, 2, 16, 17, 30])):
         one = compiled(places, planes, rows, k, which)
@@ -104,6 +111,24 @@ def test_what_the_bound_leaves_out_is_not_among_the_best(rows, seed):
     every = circular_cross_correlation(queries, database).score
     found = index_of(database).search(queries, 4)
     assert torch.allclose(found.score, every.topk(4).values, atol=1e-5)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_what_is_left_of_two_spectra_bounds_what_it_adds(precision):
+    rows = 40
+    places, planes = encode(maps(50, rows, 6), precision), spectrum_planes(maps(4, rows, 6, 9))
+    cross = torch.view_as_complex(cross_spectra(planes, places))
+    weight = torch.full((rows // 2 + 1,), 2.0 / rows)
+    weight[0] = weight[-1] = 1.0 / rows
+    of_queries = rest_of(planes, rows)
+    assert places.rest.shape == (50, 2)  # from frequency 8 and from 16 of 21
+    for j, first in enumerate((8, 16)):
+        added = (cross.abs() * weight)[..., first:].sum(dim=-1)
+        most = of_queries[:, None, j] * places.rest[None, :, j]
+        assert (added <= most * 1.00001).all()
+        # Without the first half of it, it would not hold of these: their low frequencies are large.
+        whole = (cross.abs() * weight).sum(dim=-1)
+        assert (whole > most).all()
 
 
 def test_best_shift_takes_int8_scales_into_account():

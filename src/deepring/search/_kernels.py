@@ -36,15 +36,19 @@ def cross_spectrum(query, place, scale, real, imaginary):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def search(queries, places, scales, which, first, waves, score, place, shift):
+def search(
+    queries, query_rest, places, scales, rest, which, first, waves, step, score, place, shift
+):
     """Go through the places numbered ``which`` and keep the best of each query.
 
-    The largest value of a curve is at most the sum of the sizes of its frequencies, so that
-    curves whose sum does not reach the last of the best are not computed.
+    The largest value of a curve is at most the sum of the sizes of its frequencies. After each
+    ``step`` of them, the others add at most the product of what is left of query and place: a
+    place that cannot reach the last of the best is read no further.
 
-    queries (q, k, 2, w) float32, places (n, k, 2, w), scales (n, k); ``first`` is added to their
-    numbers; waves (2, k, θ): cosines and sines with the weights of the inverse transform. The best
-    so far, best first: score (q, best) float32, place and shift (q, best) int64.
+    queries (q, k, 2, w) float32 and their rests (q, c), places (n, k, 2, w), scales (n, k) and
+    rests (n, c); ``first`` is added to the places' numbers; waves (2, k, θ): cosines and sines
+    with the weights of the inverse transform. The best so far, best first: score (q, best)
+    float32, place and shift (q, best) int64.
     """
     frequencies, rows = waves.shape[1], waves.shape[2]
     real, imaginary = np.empty(frequencies, np.float32), np.empty(frequencies, np.float32)
@@ -52,15 +56,23 @@ def search(queries, places, scales, which, first, waves, score, place, shift):
     last = score.shape[1] - 1
     # A place is read from memory once and compared with all queries, which stay in the cache.
     for i in range(which.shape[0]):
-        one, scale = places[which[i]], scales[which[i]]
+        one, scale, left = places[which[i]], scales[which[i]], rest[which[i]]
         for b in range(queries.shape[0]):
-            cross_spectrum(queries[b], one, scale, real, imaginary)
-            bound = np.float32(0)
-            for k in range(frequencies):
-                size = math.sqrt(real[k] * real[k] + imaginary[k] * imaginary[k])
-                bound += waves[0, k, 0] * size
-            # Both are rounded: the bound has to hold all the same.
-            if bound * np.float32(1.00001) <= score[b, last]:
+            bound, reach = np.float32(0), np.float32(0)
+            for start in range(0, frequencies, step):
+                end = min(start + step, frequencies)
+                re, im = real[start:end], imaginary[start:end]
+                cross_spectrum(queries[b, start:end], one[start:end], scale[start:end], re, im)
+                for k in range(end - start):
+                    size = math.sqrt(re[k] * re[k] + im[k] * im[k])
+                    bound += waves[0, start + k, 0] * size
+                reach = bound
+                if end < frequencies:
+                    reach += query_rest[b, start // step] * left[start // step]
+                # All are rounded: the bound has to hold all the same.
+                if reach * np.float32(1.00001) <= score[b, last]:
+                    break
+            if reach * np.float32(1.00001) <= score[b, last]:
                 continue
             curve[:] = 0
             for k in range(frequencies):

@@ -77,7 +77,7 @@ class CorrelationIndex:
         if not len(descriptors):
             return
         spectra = encode(descriptors, self.settings.precision)
-        rows = {"values": spectra.values, "scale": spectra.scale}
+        rows = spectra._asdict()
         if self.settings.code is not None:
             if self.code is None:
                 self.code = fit_code(descriptors, self.settings.code)

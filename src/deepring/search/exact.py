@@ -5,12 +5,12 @@ from torch import Tensor
 
 from deepring.search.hits import Best
 from deepring.search.rows import Rows
-from deepring.search.spectra import Spectra, best_shift, waves
+from deepring.search.spectra import STEP, Spectra, best_shift, rest_of, waves
 
 #: Floats of correlation curves that the torch form holds at once.
 _CURVES = 2**24
 
-_NAMES = ("values", "scale")
+_NAMES = Spectra._fields
 
 
 def compiled(places: Rows, planes: Tensor, rows: int, k: int, which: Tensor | None = None) -> Best:
@@ -27,9 +27,10 @@ def compiled(places: Rows, planes: Tensor, rows: int, k: int, which: Tensor | No
 
     score = torch.full((len(planes), k), torch.finfo().min)
     place, shift = torch.full((2, len(planes), k), -1, dtype=torch.int64)
-    first, wave, queries = 0, waves(rows).numpy(), planes.numpy()
+    wave, queries, rest_of_queries = waves(rows).numpy(), planes.numpy(), rest_of(planes, rows)
+    first = 0
     for block in places.blocks():
-        values, scale = (block[name] for name in _NAMES)
+        values, scale, rest = (block[name] for name in _NAMES)
         if values.dtype == torch.bfloat16:  # which NumPy does not know
             values = values.view(torch.uint16)
         end = first + len(values)
@@ -37,12 +38,13 @@ def compiled(places: Rows, planes: Tensor, rows: int, k: int, which: Tensor | No
             torch.arange(first, end) if which is None else which[(which >= first) & (which < end)]
         )
         numbers = (some - first).numpy()
-        arrays = (values.numpy(), scale.numpy(), numbers, first, wave)
-        _kernels.search(queries, *arrays, score.numpy(), place.numpy(), shift.numpy())
+        arrays = (values.numpy(), scale.numpy(), rest.numpy(), numbers, first, wave, STEP)
+        found = (score.numpy(), place.numpy(), shift.numpy())
+        _kernels.search(queries, rest_of_queries.numpy(), *arrays, *found)
         first = end
-    found = min(k, first if which is None else len(which))
+    there = min(k, first if which is None else len(which))
     best = Best(len(planes), k)
-    best.score, best.place, best.shift = (t[:, :found] for t in (score, place, shift))
+    best.score, best.place, best.shift = (t[:, :there] for t in (score, place, shift))
     return best
 
 

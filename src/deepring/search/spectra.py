@@ -21,6 +21,9 @@ Precision = Literal["float32", "bfloat16", "int8"]
 #: ω is padded with zeros to a multiple of this, so that compiled loops have no remainder.
 LANES = 16
 
+#: Frequencies after which a compiled loop asks whether the others can still make a place the best.
+STEP = 8
+
 
 class Spectra(NamedTuple):
     """θ-spectra of n places, θ // 2 + 1 = k frequencies of w values of ω."""
@@ -29,6 +32,8 @@ class Spectra(NamedTuple):
     """(n, k, 2, w) real and imaginary parts, w padded with zeros."""
     scale: Tensor
     """(n, k) float32: what each frequency's values are to be multiplied by."""
+    rest: Tensor
+    """(n, c) float32: size of the frequencies from 8, 16, ... on, see `rest_of`."""
 
 
 def expect_precision(name: str, precision: str) -> None:
@@ -50,8 +55,21 @@ def encode(descriptors: Tensor, precision: Precision) -> Spectra:
     scale = torch.ones(planes.shape[:2], device=planes.device)
     if precision == "int8":
         scale = planes.abs().amax(dim=(-2, -1)).clamp_min(1e-30) / 127
-        return Spectra((planes / scale[..., None, None]).round().to(torch.int8), scale)
-    return Spectra(planes.to(getattr(torch, precision)), scale)
+    values = planes / scale[..., None, None]
+    values = (values.round() if precision == "int8" else values).to(getattr(torch, precision))
+    kept = values.float() * scale[..., None, None]
+    return Spectra(values, scale, rest_of(kept, descriptors.shape[1]))
+
+
+def rest_of(planes: Tensor, rows: int) -> Tensor:
+    """Size (n, c) of the spectra (n, k, 2, w) from frequency 8, 16, ... on.
+
+    The frequencies from there on add at most the product of two spectra's sizes to a correlation
+    (Cauchy and Schwarz), whatever the rotation. Their weights are the inverse DFT's.
+    """
+    weight = waves(rows)[0, :, 0].to(planes.device)
+    energy = planes.square().sum(dim=(-2, -1)) * weight
+    return energy.flip(1).cumsum(dim=1).flip(1)[:, STEP::STEP].sqrt().contiguous()
 
 
 def best_shift(queries: Tensor, places: Spectra, rows: int) -> tuple[Tensor, Tensor]:
