@@ -1,9 +1,9 @@
 """How often a cheaper search finds what exact search in float32 finds, on a network's descriptors.
 
-    deepring evaluate checkpoint=CHECKPOINT data=sim_nclt_worlds seed=1 \\
+    deepring evaluate -m checkpoint=shipped data=sim_nclt_worlds,sim_mulran_worlds seed=0,1,2 \\
       evaluation.regions=[whole] evaluation.descriptors=true \\
-      data.spacing.database=0.5 data.spacing.query=10
-    python benchmarks/agreement.py outputs/evaluate/*/descriptors
+      data.spacing.database=0.5 data.spacing.query=5
+    python benchmarks/agreement.py outputs/sweeps/evaluate_sweep/*/descriptors
 
 Takes folders of descriptor files as `evaluation.descriptors=true` writes them, puts all databases
 together and all queries, and compares: precisions of the spectra, sizes of the code, two-stage with

@@ -95,7 +95,10 @@ def main() -> None:
     if args.keep is not None:
         trials = join([drive.trials for drive in drives])
         found = [outcome(trials, Trust(float(fit), args.ratio), RIGHT) for fit in FITS]
-        best = [one for one in found if one.recall >= args.keep][-1]
+        kept = [one for one in found if one.recall >= args.keep]
+        if not kept:
+            raise SystemExit(f"--keep {args.keep}: at most {found[0].recall:.3f} are found at all")
+        best = kept[-1]
         print(
             f"\nfit {best.trust.fit:g} keeps {best.recall:.3f} of the returns at a precision of "
             f"{best.precision:.3f} ({best.trusted} loops)"

@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from test_map import small_network
 
+from deepring.cli.loops import _parser
 from deepring.core.refinement import RefinementSettings
 from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
 from deepring.data.nclt import open_nclt
@@ -17,8 +18,8 @@ from deepring.data.scan import Session
 from deepring.errors import DeepringError
 from deepring.evaluation.reranking import RerankSettings
 from deepring.maps.graph_files import g2o_lines, json_text, tum_lines
-from deepring.maps.loops import Loop, LoopGraph, LoopSettings, find_loops
-from deepring.maps.map import Map
+from deepring.maps.loops import LOOP_TRUST, Loop, LoopGraph, LoopSettings, find_loops
+from deepring.maps.map import Map, Trust
 
 SETTINGS = LoopSettings(spacing=10.0, recent=40.0)
 
@@ -64,6 +65,12 @@ def errors_of(graph):
         off = (loop.yaw - float(yaw_of(truth)) + math.pi) % (2 * math.pi) - math.pi
         rows.append((np.hypot(loop.x - truth[0, 3], loop.y - truth[1, 3]), abs(off)))
     return np.array(rows)
+
+
+def test_the_command_asks_more_of_loops_than_of_locations():
+    asked = _parser().parse_args(["folder", "-o", "out"])
+    assert Trust(asked.fit, asked.ratio) == LOOP_TRUST
+    assert LOOP_TRUST.fit > Trust().fit
 
 
 def test_refined_loops_are_nearer_to_the_truth(graph, there_and_back):

@@ -54,64 +54,52 @@ def part(flat, start, xs, ys, zs):
 
 
 @njit(cache=True, nogil=True)
-def band_occupancy(flat, box, low, high, extent, cells, out):
-    """`in_box` and `occupancy` at once: mark in ``out`` (cells² + 1,) uint8, flat, the cells of
-    points with |x|, |y| < box and low < z < high; all others mark the last."""
+def lot_cells(xs, ys, zs, box, low, high, half, scale, side, cells):
+    """Flat cell of each of the first points of a lot, as many as ``cells`` has room for, in a grid
+    of ``side`` x ``side`` that starts at -half and has ``scale`` cells a metre; the cell behind the
+    last for points outside of it, or not in |x|, |y| < box and low < z < high."""
     box, low, high = np.float32(box), np.float32(low), np.float32(high)
-    scale, half = np.float32(cells / (2.0 * extent)), np.float32(extent)
-    side, spare, end = np.int32(cells), np.int32(cells * cells), np.float32(cells)
-    xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
-    cell = np.empty(_LOT, np.uint32)
-    for start in range(0, flat.shape[0] // 3, _LOT):
-        count = part(flat, start, xs, ys, zs)
-        for k in range(count):
-            x, y, z = xs[k], ys[k], zs[k]
-            u, v = (x + half) * scale, (y + half) * scale
-            kept = (abs(x) < box) & (abs(y) < box) & (z > low) & (z < high)
-            kept &= (u >= 0) & (u < end) & (v >= 0) & (v < end)
-            cell[k] = np.uint32(np.int32(u) * side + np.int32(v) if kept else spare)
-        for k in range(count):
-            out[cell[k]] = 1
+    half, scale = np.float32(half), np.float32(scale)
+    row, end, spare = np.int32(side), np.float32(side), np.int32(side * side)
+    for k in range(cells.shape[0]):
+        x, y, z = xs[k], ys[k], zs[k]
+        u, v = (x + half) * scale, (y + half) * scale
+        kept = (abs(x) < box) & (abs(y) < box) & (z > low) & (z < high)
+        kept &= (u >= 0) & (u < end) & (v >= 0) & (v < end)
+        cells[k] = np.uint32(np.int32(u) * row + np.int32(v) if kept else spare)
 
 
 @njit(cache=True, nogil=True)
-def two_cells(flat, box, low, high, ground_cell, ground_side, extent, cells, ground, image):
-    """Flat cells of each point in the grid of the ground and in the image, (n,) uint32; for
-    points outside of the box, or of the image, the cell behind the last."""
-    box, low, high = np.float32(box), np.float32(low), np.float32(high)
-    ground_half = np.float32(ground_side * ground_cell / 2)
-    ground_scale, g_side = np.float32(1.0 / ground_cell), np.int32(ground_side)
-    scale, half = np.float32(cells / (2.0 * extent)), np.float32(extent)
-    side, end = np.int32(cells), np.float32(cells)
+def band_occupancy(flat, box, low, high, extent, side, out):
+    """`in_box` and `occupancy` at once: mark in ``out`` (side² + 1,) uint8, flat, the cells of
+    points with |x|, |y| < box and low < z < high; all others mark the last."""
     xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
+    cells = np.empty(_LOT, np.uint32)
     for start in range(0, flat.shape[0] // 3, _LOT):
-        count = part(flat, start, xs, ys, zs)
-        g, c = ground[start : start + _LOT], image[start : start + _LOT]
-        for k in range(count):
-            x, y, z = xs[k], ys[k], zs[k]
-            kept = (abs(x) < box) & (abs(y) < box) & (z > low) & (z < high)
-            i = np.int32((x + ground_half) * ground_scale)
-            j = np.int32((y + ground_half) * ground_scale)
-            g[k] = np.uint32(i * g_side + j if kept else g_side * g_side)
-            u, v = (x + half) * scale, (y + half) * scale
-            kept &= (u >= 0) & (u < end) & (v >= 0) & (v < end)
-            c[k] = np.uint32(np.int32(u) * side + np.int32(v) if kept else side * side)
+        some = cells[: part(flat, start, xs, ys, zs)]
+        lot_cells(xs, ys, zs, box, low, high, extent, side / (2.0 * extent), side, some)
+        for k in range(some.shape[0]):
+            out[some[k]] = 1
 
 
 @njit(cache=True, nogil=True)
 def ground_cells(flat, box, low, high, cell, side, ground):
-    """The first of `two_cells` alone."""
-    box, low, high = np.float32(box), np.float32(low), np.float32(high)
-    half, scale, row = np.float32(side * cell / 2), np.float32(1.0 / cell), np.int32(side)
+    """Flat cell of each point (n,) uint32 in the grid of the ground, see `lot_cells`."""
     xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
     for start in range(0, flat.shape[0] // 3, _LOT):
-        count = part(flat, start, xs, ys, zs)
-        g = ground[start : start + _LOT]
-        for k in range(count):
-            x, y, z = xs[k], ys[k], zs[k]
-            kept = (abs(x) < box) & (abs(y) < box) & (z > low) & (z < high)
-            i, j = np.int32((x + half) * scale), np.int32((y + half) * scale)
-            g[k] = np.uint32(i * row + j if kept else row * row)
+        some = ground[start : start + part(flat, start, xs, ys, zs)]
+        lot_cells(xs, ys, zs, box, low, high, side * cell / 2, 1.0 / cell, side, some)
+
+
+@njit(cache=True, nogil=True)
+def two_cells(flat, box, low, high, cell, side, extent, image_side, ground, image):
+    """`ground_cells`, and those of the image: (n,) uint32 each."""
+    xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
+    image_scale = image_side / (2.0 * extent)
+    for start in range(0, flat.shape[0] // 3, _LOT):
+        end = start + part(flat, start, xs, ys, zs)
+        lot_cells(xs, ys, zs, box, low, high, side * cell / 2, 1.0 / cell, side, ground[start:end])
+        lot_cells(xs, ys, zs, box, low, high, extent, image_scale, image_side, image[start:end])
 
 
 @njit(cache=True, nogil=True)
