@@ -73,8 +73,8 @@ def measure(runs: int) -> dict[str, object]:
     """Seconds of each of ``runs`` episodes in this process, after two that warm it up."""
     import torch
 
-    from deepring.core.bev import bev_occupancy
     from deepring.methods.deepring import DeepRing, DeepRingSettings
+    from deepring.rasters.bev import bev_occupancy
     from deepring.training.losses import OneShotCrossEntropy
 
     torch.manual_seed(0)

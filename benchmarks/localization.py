@@ -22,9 +22,9 @@ from omegaconf import OmegaConf
 from deepring.core.rigid import pose_from, rotation_from_rpy, turn_points
 from deepring.data.cache import ScanSet
 from deepring.data.dataset import DatasetConfig, PlaceDataset, RetrievalSet
-from deepring.maps.calibration import Right, Trials, calibrate, join, outcome, try_out
-from deepring.maps.map import Map, Trust
-from deepring.training.module import load_network
+from deepring.localization.calibration import Right, Trials, calibrate, join, outcome, try_out
+from deepring.localization.map import Map, Trust
+from deepring.methods.checkpoint import load_network
 
 CONF = Path(__file__).parents[1] / "conf" / "data"
 

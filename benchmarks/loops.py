@@ -19,13 +19,13 @@ import torch
 
 from deepring.cli.process import tune_process
 from deepring.core.rigid import yaw_of
-from deepring.data.formats import FORMATS, list_sessions, open_session
-from deepring.data.sampling import path_lengths
-from deepring.maps.calibration import FITS, Right, Trials, join, outcome
-from deepring.maps.loops import LOOP_TRUST, LoopGraph, LoopSettings, find_loops
-from deepring.maps.map import Map, Trust
+from deepring.data.readers.formats import FORMATS, list_sessions, open_session
+from deepring.data.spacing import path_lengths
+from deepring.localization.calibration import FITS, Right, Trials, join, outcome
+from deepring.localization.loops import LOOP_TRUST, LoopGraph, LoopSettings, find_loops
+from deepring.localization.map import Map, Trust
+from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing
-from deepring.training.module import load_network
 
 NEAR = 10.0
 RIGHT, BESIDE = Right(2.0, 5.0, NEAR), Right(4.0, 5.0, NEAR)

@@ -1,6 +1,6 @@
 """How well pairs of scans are aligned, by distance: of two sessions, or of one with itself.
 
-    python benchmarks/poses.py nclt outputs/datasets/sim_nclt [--pairs 120] [--rows] [--refine]
+    python benchmarks/poses.py nclt outputs/datasets/sim_nclt [--pairs 120] [--refine]
 
 Success is less than 2 m and 5° from the relative pose of the session's poses. The yaw is given as
 descriptors of 60 rows give it, rounded to 6°, and its opposite beside it. --refine adds rows
@@ -18,20 +18,18 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
-from deepring.core.alignment import (
+from deepring.core.rigid import yaw_of
+from deepring.data.readers.formats import FORMATS, ground_of, list_sessions, open_session
+from deepring.data.session import Session
+from deepring.localization.alignment import (
     Alignment,
     AlignmentSettings,
     align,
     half_whitened,
     occupied_cells,
 )
-from deepring.core.radon import radon
-from deepring.core.rasters import BevRaster
-from deepring.core.refinement import refine
-from deepring.core.rigid import yaw_of
-from deepring.core.row_alignment import align_rows
-from deepring.data.formats import FORMATS, ground_of, list_sessions, open_session
-from deepring.data.scan import Session
+from deepring.localization.refinement import refine
+from deepring.rasters.kinds import BevRaster
 
 BINS = ((0, 10), (10, 20), (20, 35))
 
@@ -71,7 +69,6 @@ def main() -> None:
     parser.add_argument("format", choices=list(FORMATS))
     parser.add_argument("root")
     parser.add_argument("--pairs", type=int, default=120)
-    parser.add_argument("--rows", action="store_true", help="by rows of the sinograms")
     parser.add_argument("--refine", action="store_true", help="on the points, too")
     args = parser.parse_args()
     torch.set_num_threads(1)
@@ -89,7 +86,7 @@ def main() -> None:
             place, query = first.points(j), second.points(k)
             images = [torch.from_numpy(raster(points, ground_z)) for points in (place, query)]
             started = time.perf_counter()
-            found = aligned_pair(*images, turn_of(relative), args.rows)
+            found = aligned_pair(*images, turn_of(relative))
             took = time.perf_counter() - started
             yaw, position = float(found.yaw), found.position[0].numpy()
             aligned.add(yaw, position, relative, took)
@@ -121,12 +118,10 @@ def turn_of(relative: np.ndarray) -> float:
     return -float(yaw_of(relative))
 
 
-def aligned_pair(place: torch.Tensor, query: torch.Tensor, truth: float, rows: bool) -> Alignment:
+def aligned_pair(place: torch.Tensor, query: torch.Tensor, truth: float) -> Alignment:
     step = math.radians(6)
     known = round(truth / step) * step
     tried = torch.tensor([[known, known + math.pi]], dtype=torch.float32)
-    if rows:
-        return align_rows(radon(query), radon(place)[None], tried)
     settings = AlignmentSettings()
     spectrum = half_whitened(place[None], settings)
     return align(occupied_cells(query, settings), spectrum, tried, settings)

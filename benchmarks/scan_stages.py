@@ -10,13 +10,13 @@ from scenes import scan
 from skimage.transform import radon as skimage_radon
 from timing import Row, timed
 
-from deepring.core.bev import disc_mask
-from deepring.core.ground import Preprocessing
 from deepring.core.radon import _half_turn, radon
-from deepring.core.rasters import BevRaster, ContextRaster, PolarRaster, RangeRaster
-from deepring.core.scan_bev import scan_to_bev
 from deepring.data.cache import RasterCache, ScanSet
-from deepring.data.scan import Session
+from deepring.data.session import Session
+from deepring.rasters.bev import disc_mask
+from deepring.rasters.kinds import BevRaster, ContextRaster, PolarRaster, RangeRaster
+from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters.scan_bev import scan_to_bev
 
 BAND = Preprocessing(height=(1.0, 20.0), clearance=None)
 

@@ -3,9 +3,9 @@
 import numpy as np
 import torch
 
-from deepring.core.bev import bev_occupancy
 from deepring.core.radon import radon
 from deepring.core.spectrum import row_dft_magnitude
+from deepring.rasters.bev import bev_occupancy
 
 
 def scan(points: int, seed: int = 0) -> np.ndarray:

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from deepring.cli.case_study import case_study_command
-from deepring.data.formats import FORMATS
-from deepring.data.scan_files import BINARY
+from deepring.cli.case_study_command import case_study_command
+from deepring.data.readers.formats import FORMATS
+from deepring.data.readers.scan_files import BINARY
 from deepring.errors import BrokenScanError, DeepringError
 
 REAL = Path(os.environ.get("DEEPRING_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))

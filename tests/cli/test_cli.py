@@ -115,7 +115,7 @@ MISTAKES = [
 #: Imports once, and runs each command of standard input in a process of its own.
 FORKED = """
 import contextlib, json, os, sys, tempfile
-import deepring.cli.experiments
+import deepring.cli.train_commands
 from deepring.cli.main import main
 
 for line in sys.stdin:

@@ -9,14 +9,14 @@ import subprocess
 import numpy as np
 import pytest
 import yaml
-from bags import KINDS, START, message, write_bag
 from scipy.spatial.transform import Rotation
 from test_cli import SMALL, deepring, refused
 
 from deepring.cli.main import main
 from deepring.core.rigid import pose_from
-from deepring.data.nclt import open_nclt
-from deepring.maps.map import Map
+from deepring.data.readers.nclt import open_nclt
+from deepring.localization.map import Map
+from helpers.bags import KINDS, START, message, write_bag
 
 BUILD = ("map", "build")
 

@@ -1,17 +1,17 @@
 """`deepring score` on exported descriptors: what is printed, what is written, what is refused."""
 
 import pytest
-from drives import road_task
 
+from deepring.cli.console import mistakes_reported
 from deepring.cli.main import COMMANDS, USAGE, main
-from deepring.cli.report import mistakes_reported
-from deepring.cli.score import score_command
-from deepring.core.rasters import BevRaster, ContextRaster
+from deepring.cli.score_command import score_command
 from deepring.errors import DeepringError
 from deepring.evaluation.protocol import evaluate_method
 from deepring.evaluation.results import read_results
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
+from deepring.rasters.kinds import BevRaster, ContextRaster
+from helpers.drives import road_task
 
 METHODS = {
     "RING": Ring(BevRaster(cells=24), angles=24, bins=24),

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from test_cli import SMALL, deepring, refused
 
-from deepring.cli.experiments import config_folder
 from deepring.cli.sweeps import folder_name, naming
+from deepring.cli.train_commands import config_folder
 from deepring.evaluation.results import read_results
 
 QUICK = [*SMALL, "evaluation.figures=false"]

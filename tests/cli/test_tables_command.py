@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from deepring.cli.report import mistakes_reported
-from deepring.cli.tables import tables_command
+from deepring.cli.console import mistakes_reported
+from deepring.cli.tables_command import tables_command
 from deepring.errors import DeepringError
 from deepring.evaluation.protocol import Retrieved
 from deepring.evaluation.results import Result, write_results

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 import torch
-from scenes import scattered
 
-from deepring.core.bev import bev_occupancy
 from deepring.core.equivariance import assert_equivariant, relative_error
 from deepring.core.radon import _compiled, _half_turn, radon
 from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
+from deepring.rasters.bev import bev_occupancy
+from helpers.scenes import scattered
 
 
 def grid(n, extent=1.0):

@@ -5,9 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from scenes import scattered
 
-from deepring.core.bev import bev_occupancy
 from deepring.core.correlation import circular_cross_correlation, standardise, unit_norm
 from deepring.core.equivariance import (
     assert_invariant,
@@ -15,7 +13,6 @@ from deepring.core.equivariance import (
     assert_theta_equivariant,
     relative_error,
 )
-from deepring.core.polar import polar_gram
 from deepring.core.radon import radon
 from deepring.core.rigid import turn_points
 from deepring.core.spectrum import (
@@ -23,6 +20,9 @@ from deepring.core.spectrum import (
     row_dft_magnitude,
     standardise_spectrum,
 )
+from deepring.rasters.bev import bev_occupancy
+from deepring.rasters.polar import polar_gram
+from helpers.scenes import scattered
 
 
 @pytest.mark.parametrize("bins", [12, 13])

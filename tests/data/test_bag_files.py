@@ -5,11 +5,11 @@ import sys
 
 import numpy as np
 import pytest
-from bags import KINDS, START, message, write_bag
 
-from deepring.data.bag_files import bag_scans, is_bag
-from deepring.data.scan_files import scan_files
+from deepring.data.readers.bag_files import bag_scans, is_bag
+from deepring.data.readers.scan_files import scan_files
 from deepring.errors import BrokenScanError, DeepringError
+from helpers.bags import KINDS, START, message, write_bag
 
 SCANS = np.random.default_rng(0).normal(0, 20, (7, 40, 3)).astype(np.float32)
 CLOUDS = [message(scan) for scan in SCANS]

@@ -16,13 +16,13 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deepring.core.ground import Preprocessing
-from deepring.core.rasters import RASTERS, BevRaster, ContextRaster, PolarRaster, RangeRaster
 from deepring.core.rigid import turn_points
 from deepring.data import cache as cache_module
 from deepring.data.cache import RasterCache, Rasters, ScanSet, pack, unpack
-from deepring.data.scan import Session
+from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DeepringError
+from deepring.rasters.kinds import RASTERS, BevRaster, ContextRaster, PolarRaster, RangeRaster
+from deepring.rasters.preprocessing import Preprocessing
 
 SMALL = BevRaster(cells=24)
 reads: list[Path] = []

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 from deepring.data import dataset as dataset_module
 from deepring.data.cache import ScanSet
 from deepring.data.dataset import DatasetConfig, PlaceDataset, Regions, Spacing, distances_between
-from deepring.data.scan import Session
+from deepring.data.session import Session
 from deepring.errors import DeepringError
 
 # The simulated world's halves: train west of 0 m, test east of 150 m (north, east).

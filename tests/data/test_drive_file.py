@@ -8,8 +8,8 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from deepring.data.drive_file import _KINDS, is_drive_file, read_drives
-from deepring.data.own import open_own
+from deepring.data.readers.custom import open_own
+from deepring.data.readers.drive_file import _KINDS, is_drive_file, read_drives
 from deepring.errors import DeepringError
 
 LEAST = {"scans": "scans", "poses": "poses.txt", "sensor_height": 1.5}

@@ -3,7 +3,7 @@ import struct
 import numpy as np
 import pytest
 
-from deepring.data.formats import FORMATS, detect_format, list_sessions, open_session
+from deepring.data.readers.formats import FORMATS, detect_format, list_sessions, open_session
 from deepring.errors import DeepringError
 
 POSE = "1 0 0 {x} 0 1 0 0 0 0 1 0"

@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
-from deepring.data.kitti import list_kitti, open_kitti, read_calibration, read_kitti_scan
+from deepring.data.readers.kitti import list_kitti, open_kitti, read_calibration, read_kitti_scan
 from deepring.errors import BrokenScanError, DeepringError
 
 REAL = Path(os.environ.get("DEEPRING_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
-from deepring.data.mulran import decode_mulran, list_mulran, open_mulran, read_mulran_scan
+from deepring.data.readers.mulran import decode_mulran, list_mulran, open_mulran, read_mulran_scan
 from deepring.errors import BrokenScanError, DeepringError
 
 SAME_FOLDER = settings(

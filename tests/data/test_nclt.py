@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from deepring.core.rigid import yaw_of
-from deepring.data.nclt import (
+from deepring.data.readers.nclt import (
     decode_nclt,
     list_nclt,
     open_nclt,

@@ -5,12 +5,12 @@ import struct
 
 import numpy as np
 import pytest
-from bags import message
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deepring.data.point_cloud2 import cloud_points
+from deepring.data.readers.point_cloud2 import cloud_points
 from deepring.errors import BrokenScanError
+from helpers.bags import message
 
 POINTS = np.random.default_rng(0).normal(0, 20, (12, 3)).astype(np.float32)
 

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
-from deepring.data.listing import Listing
-from deepring.data.trajectory import Trajectory, match_scans, read_table, stamped_rows
+from deepring.data.readers.listing import Listing
+from deepring.data.readers.trajectory import Trajectory, match_scans, read_table, stamped_rows
 from deepring.errors import DeepringError
 
 MS = 1_000_000

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from safetensors.numpy import load_file, save_file
 
-from deepring.core.rasters import BevRaster
 from deepring.errors import DeepringError
 from deepring.evaluation import descriptors as module
 from deepring.evaluation.descriptors import (
@@ -22,6 +21,7 @@ from deepring.evaluation.descriptors import (
     read_descriptors,
     write_descriptors,
 )
+from deepring.rasters.kinds import BevRaster
 
 MADE_BY = {"class": "deepring.methods.ring.Ring", "raster": {"kind": "bev", "height": (0, 1.5)}}
 

@@ -8,14 +8,14 @@ import pytest
 import torch
 from torch import nn
 
-from deepring.core.ground import Preprocessing
-from deepring.core.rasters import BevRaster, ContextRaster, PolarRaster, raster_settings
 from deepring.data.cache import RASTER_VERSION
 from deepring.errors import DeepringError
 from deepring.evaluation.fingerprint import digest_of, fingerprint, first_difference
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
+from deepring.rasters.kinds import BevRaster, ContextRaster, PolarRaster, raster_settings
+from deepring.rasters.preprocessing import Preprocessing
 
 
 def network(seed=0, **changes):

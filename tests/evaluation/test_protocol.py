@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import torch
 
-from deepring.core.rasters import BevRaster
 from deepring.data.cache import Rasters, ScanSet, pack
-from deepring.data.scan import Session
+from deepring.data.session import Session
 from deepring.errors import DeepringError
 from deepring.evaluation import protocol
 from deepring.evaluation.descriptors import read_descriptors
 from deepring.evaluation.protocol import Side, Task, describe_side, evaluate_method
-from deepring.evaluation.retrieval import describe_all
 from deepring.methods.base import Comparison, Method
+from deepring.methods.describe import describe_all
+from deepring.rasters.kinds import BevRaster
 
 RASTER = BevRaster(cells=8)
 

@@ -5,10 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from drives import PLACES, QUERIES, road_task
 
-from deepring.core.ground import Preprocessing
-from deepring.core.rasters import BevRaster, ContextRaster, HeightRaster, raster_settings
 from deepring.errors import DeepringError
 from deepring.evaluation.descriptors import (
     file_name,
@@ -30,6 +27,9 @@ from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.network import NetworkMethod
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
+from deepring.rasters.kinds import BevRaster, ContextRaster, HeightRaster, raster_settings
+from deepring.rasters.preprocessing import Preprocessing
+from helpers.drives import PLACES, QUERIES, road_task
 
 BEV = BevRaster(cells=24)
 CONTEXT = ContextRaster(sectors=24, rings=8)

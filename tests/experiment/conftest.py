@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 
-from deepring.cli.experiments import config_folder
-from deepring.data.nclt import open_nclt
+from deepring.cli.train_commands import config_folder
+from deepring.data.readers.nclt import open_nclt
 from deepring.experiment.config import check_config, register_schema
 
 

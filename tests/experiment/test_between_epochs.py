@@ -4,10 +4,10 @@ import pytest
 import torch
 from test_methods import DATA, TINY
 
-from deepring.data.scan_batches import ScanBatchSet
-from deepring.data.tuples import TupleSet
 from deepring.experiment.status import read_status
 from deepring.experiment.train import train
+from deepring.training.scan_batches import ScanBatchSet
+from deepring.training.tuples import TupleSet
 
 
 @pytest.fixture

@@ -7,13 +7,13 @@ import pytest
 from hydra.errors import ConfigCompositionException
 from omegaconf import OmegaConf
 
-from deepring.cli.experiments import config_folder
-from deepring.core.ground import Preprocessing
+from deepring.cli.train_commands import config_folder
 from deepring.errors import DeepringError
 from deepring.experiment import build
 from deepring.experiment.config import PreprocessingConfig, flattened
 from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.plan import plan_evaluation
+from deepring.rasters.preprocessing import Preprocessing
 
 ROOT = "data.root=/nowhere"
 ROOTS = ("nclt", "mulran", "kitti")

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from deepring.data.datamodule import PlaceDataModule
 from deepring.errors import DeepringError
 from deepring.evaluation.descriptors import read_descriptors
 from deepring.experiment import build
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.train import check_overlap, train
+from deepring.training.datamodule import PlaceDataModule
 
 NARROW = ("spacing.train=1", "regions.validation_share=0.3", "regions.margin=1")
 EPISODE = ("episode.ways=2", "episode.queries=1", "episode.per_epoch=2")

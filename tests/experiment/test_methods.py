@@ -4,12 +4,12 @@ import pytest
 from omegaconf import OmegaConf
 from test_train import SMALL
 
-from deepring.cli.experiments import config_folder
+from deepring.cli.train_commands import config_folder
 from deepring.errors import DeepringError
 from deepring.experiment import build
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.train import train
-from deepring.training.module import load_network
+from deepring.methods.checkpoint import load_network
 
 METHODS = sorted(
     path.stem for path in (config_folder() / "method").glob("*.yaml") if path.stem != "other"

@@ -8,10 +8,10 @@ from pathlib import Path
 from hydra import compose, initialize_config_dir
 from test_train import SMALL
 
-from deepring.cli.experiments import config_folder
+from deepring.cli.train_commands import config_folder
 from deepring.experiment.config import check_config, register_schema
 from deepring.experiment.train import train
-from deepring.training.module import load_network
+from deepring.methods.checkpoint import load_network
 
 PAGE = Path(__file__).parents[2] / "docs" / "comparison.md"
 

@@ -6,11 +6,11 @@ import pytest
 from omegaconf import OmegaConf
 
 from deepring.errors import DeepringError
-from deepring.evaluation.ablation import ablation_tables
-from deepring.evaluation.ablation_grids import shown_grid
 from deepring.evaluation.results import Result, write_results
 from deepring.experiment.runs import find_runs, read_run
 from deepring.experiment.status import Status, write_status
+from deepring.paper.ablation import ablation_tables
+from deepring.paper.ablation_tables import shown_grid
 
 RESULT = Result("DeepRING", "sim", "sim", "test", 10.0, 50, 100, 50, 0.5, 0.9, 0.8, 0.7, 0.1, 0.1)
 

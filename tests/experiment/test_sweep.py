@@ -75,7 +75,7 @@ def test_a_job_broken_off_goes_on_and_ends_as_if_undisturbed(config, tmp_path):
         raise SystemError("broken off")
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("deepring.data.episodes.EpisodeDataset.__getitem__", _until(4, kill))
+        patch.setattr("deepring.training.episodes.EpisodeDataset.__getitem__", _until(4, kill))
         with pytest.raises(SystemError):
             run_job(config(killed, "trainer.max_epochs=3"), killed)
     # Two epochs were whole: it goes on from the second, whichever was the better one.
@@ -88,7 +88,7 @@ def test_a_job_broken_off_goes_on_and_ends_as_if_undisturbed(config, tmp_path):
 
 def _until(count, then):
     """The true method ``count`` times, and ``then`` from there on."""
-    from deepring.data.episodes import EpisodeDataset
+    from deepring.training.episodes import EpisodeDataset
 
     true, calls = EpisodeDataset.__getitem__, []
 

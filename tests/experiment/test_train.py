@@ -8,13 +8,13 @@ import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from deepring.cli.experiments import config_folder
+from deepring.cli.train_commands import config_folder
 from deepring.errors import DeepringError
 from deepring.evaluation.results import COLUMNS, read_results
 from deepring.experiment.evaluate import evaluate
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.train import train
-from deepring.training.module import load_network
+from deepring.methods.checkpoint import load_network
 
 EXPERIMENTS = sorted(path.stem for path in (config_folder() / "experiment").glob("*.yaml"))
 #: The tiny streets are 50 m wide: a narrow validation split, few ways.

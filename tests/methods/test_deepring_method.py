@@ -6,19 +6,19 @@ import math
 import pytest
 import torch
 
-from deepring.core.bev import disc_mask
 from deepring.core.equivariance import relative_error
-from deepring.core.rasters import (
+from deepring.errors import DeepringError
+from deepring.methods.base import Method
+from deepring.methods.deepring import NORMALISATIONS, DeepRing, DeepRingSettings
+from deepring.nn.aggregation import AGGREGATIONS
+from deepring.rasters.bev import disc_mask
+from deepring.rasters.kinds import (
     BevRaster,
     ContextRaster,
     PolarRaster,
     RangeRaster,
     raster_settings,
 )
-from deepring.errors import DeepringError
-from deepring.methods.base import Method
-from deepring.methods.deepring import NORMALISATIONS, DeepRing, DeepRingSettings
-from deepring.nn.aggregation import AGGREGATIONS
 
 CELLS = 32
 

@@ -8,16 +8,16 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import scattered
 
 from deepring.core.equivariance import assert_invariant, relative_error
-from deepring.core.ground import Preprocessing
 from deepring.core.phase import central_magnitude, phase_correlation
-from deepring.core.rasters import HeightRaster, PolarRaster, raster_settings
 from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.disco import Disco, DiscoSettings
+from deepring.rasters.kinds import HeightRaster, PolarRaster, raster_settings
+from deepring.rasters.preprocessing import Preprocessing
+from helpers.scenes import scattered
 
 RASTER = HeightRaster(
     layers=3,

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 import torch
-from scenes import scattered
 
-from deepring.core.ground import Preprocessing
-from deepring.core.point_rasters import PointsRaster, VoxelRaster
-from deepring.core.rasters import raster_settings
-from deepring.core.voxels import PADDING
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
+from deepring.rasters.kinds import raster_settings
+from deepring.rasters.point_rasters import PointsRaster, VoxelRaster
+from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters.voxels import PADDING
+from helpers.scenes import scattered
 
 RASTER = VoxelRaster(
     max_voxels=6000, degrees=4.0, ring=1.0, height=0.5, preprocessing=Preprocessing(clearance=None)

@@ -6,8 +6,8 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from deepring.core.rasters import BevRaster, PointsRaster, raster_settings
 from deepring.errors import DeepringError
+from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.methods.network_file import (
     NetworkFile,
@@ -16,7 +16,7 @@ from deepring.methods.network_file import (
     write_network,
 )
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
-from deepring.training.module import load_network
+from deepring.rasters.kinds import BevRaster, PointsRaster, raster_settings
 
 
 def small():

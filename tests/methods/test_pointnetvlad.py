@@ -5,14 +5,14 @@ import json
 import numpy as np
 import pytest
 import torch
-from scenes import scattered
 
 from deepring.core.equivariance import relative_error
-from deepring.core.point_rasters import PointsRaster
-from deepring.core.rasters import BevRaster, make_raster, raster_settings
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
+from deepring.rasters.kinds import BevRaster, make_raster, raster_settings
+from deepring.rasters.point_rasters import PointsRaster
+from helpers.scenes import scattered
 
 
 def small(**changes):

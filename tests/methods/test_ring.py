@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 import torch
-from scenes import scattered
 
-from deepring.core.bev import bev_occupancy
 from deepring.core.radon import radon
-from deepring.core.rasters import BevRaster
 from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.ring import Ring
+from deepring.rasters.bev import bev_occupancy
+from deepring.rasters.kinds import BevRaster
+from helpers.scenes import scattered
 
 STEP = 2 * math.pi / 120
 

@@ -5,18 +5,18 @@ import math
 import numpy as np
 import pytest
 import torch
-from scenes import scattered
 
 from deepring.core.equivariance import relative_error
-from deepring.core.feature_raster import FeatureBevRaster
-from deepring.core.ground import Preprocessing
 from deepring.core.radon import radon
-from deepring.core.rasters import BevRaster
 from deepring.core.rigid import turn_points
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.ring_plus_plus import RingPlusPlus
+from deepring.rasters.feature_raster import FeatureBevRaster
+from deepring.rasters.kinds import BevRaster
+from deepring.rasters.preprocessing import Preprocessing
+from helpers.scenes import scattered
 
 STEP = 2 * math.pi / 120
 # Without the ground removal: the scenes have none, and it works on a grid that does not turn.

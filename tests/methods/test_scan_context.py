@@ -7,13 +7,13 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import scattered
 
-from deepring.core.rasters import ContextRaster
 from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.scan_context import ScanContext
+from deepring.rasters.kinds import ContextRaster
+from helpers.scenes import scattered
 
 
 def contexts(n, sectors, rings, seed, empty=0.3):

@@ -7,12 +7,12 @@ import torch
 
 from deepring.core.equivariance import assert_equivariant, relative_error
 from deepring.core.radon import radon
-from deepring.core.rasters import BevRaster, PolarRaster, raster_settings
 from deepring.core.spectrum import row_dft_magnitude
 from deepring.errors import DeepringError
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.nn.circular import CircularConv2d, circular_pad, circular_upsample
 from deepring.nn.unet import CircularUNet
+from deepring.rasters.kinds import BevRaster, PolarRaster, raster_settings
 
 
 def turned(x, shift):

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 import torch
 
-from deepring.core.bev import disc_mask
 from deepring.core.equivariance import (
     EquivarianceError,
     assert_equivariant,
     assert_theta_equivariant,
 )
 from deepring.core.radon import radon
-from deepring.core.rasters import BevRaster, ContextRaster, PolarRaster, RangeRaster
 from deepring.errors import DeepringError
 from deepring.nn.representation import PolarImage, Sinogram, make_representation
+from deepring.rasters.bev import disc_mask
+from deepring.rasters.kinds import BevRaster, ContextRaster, PolarRaster, RangeRaster
 
 
 def bev(cells=40, batch=2):

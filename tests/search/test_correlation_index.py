@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from deepring.core.correlation import circular_cross_correlation, unit_norm
 from deepring.errors import DeepringError
+from deepring.search.block_store import Rows
 from deepring.search.code import CodeSettings, code_scores, fit_code
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
 from deepring.search.exact import batched, compiled
-from deepring.search.rows import Rows
 from deepring.search.spectra import (
     LANES,
     best_shift,

@@ -8,11 +8,11 @@ import pytest
 from deepring.simulation.mulran_writer import write_scan as write_mulran
 from deepring.simulation.nclt_writer import ground_truth
 from deepring.simulation.nclt_writer import write_scan as write_nclt
-from deepring.simulation.regions import UTM_ORIGIN
 from deepring.simulation.scene import Scene
 from deepring.simulation.sensors import Sweep, hdl32e_upside_down, os1_64
 from deepring.simulation.settings import tiny
 from deepring.simulation.simulate import simulate
+from deepring.simulation.split import UTM_ORIGIN
 
 SETTINGS = {name: replace(tiny(name), scan_spacing=40.0) for name in ("nclt", "mulran")}
 

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 import torch
 
-from deepring.core.rasters import BevRaster, raster_settings
 from deepring.data.cache import Rasters, pack
-from deepring.data.datamodule import RetrievalBatch
-from deepring.data.episodes import EpisodeDataset, EpisodeOrder, EpisodeSettings, Places
 from deepring.errors import DeepringError
+from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing, DeepRingSettings
-from deepring.training.module import PlaceModule, load_network
+from deepring.rasters.kinds import BevRaster, raster_settings
+from deepring.training.datamodule import RetrievalBatch
+from deepring.training.episodes import EpisodeDataset, EpisodeOrder, EpisodeSettings, Places
+from deepring.training.module import PlaceModule
 
 RASTER = BevRaster(cells=32)
 SETTINGS = DeepRingSettings(

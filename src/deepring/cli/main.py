@@ -6,8 +6,8 @@ import sys
 from collections.abc import Sequence
 
 from deepring import __version__
+from deepring.cli.console import mistakes_reported
 from deepring.cli.process import tune_process
-from deepring.cli.report import mistakes_reported
 
 USAGE = """\
 deepring COMMAND ...
@@ -35,19 +35,19 @@ commands:
 #: Where each command lies, imported when it is called: torch and Lightning take seconds, and
 #: --help should not.
 COMMANDS = {
-    "train": "deepring.cli.experiments:train_command",
-    "evaluate": "deepring.cli.experiments:evaluate_command",
-    "compare": "deepring.cli.compare:compare_command",
-    "score": "deepring.cli.score:score_command",
-    "tables": "deepring.cli.tables:tables_command",
-    "case-study": "deepring.cli.case_study:case_study_command",
-    "map": "deepring.cli.map:map_command",
-    "localize": "deepring.cli.localize:localize_command",
-    "loops": "deepring.cli.loops:loops_command",
-    "report": "deepring.cli.page:report_command",
-    "export": "deepring.cli.export:export_command",
-    "simulate": "deepring.cli.simulate:simulate_command",
-    "data": "deepring.cli.data:data_command",
+    "train": "deepring.cli.train_commands:train_command",
+    "evaluate": "deepring.cli.train_commands:evaluate_command",
+    "compare": "deepring.cli.compare_command:compare_command",
+    "score": "deepring.cli.score_command:score_command",
+    "tables": "deepring.cli.tables_command:tables_command",
+    "case-study": "deepring.cli.case_study_command:case_study_command",
+    "map": "deepring.cli.map_command:map_command",
+    "localize": "deepring.cli.localize_command:localize_command",
+    "loops": "deepring.cli.loops_command:loops_command",
+    "report": "deepring.cli.report_command:report_command",
+    "export": "deepring.cli.export_command:export_command",
+    "simulate": "deepring.cli.simulate_command:simulate_command",
+    "data": "deepring.cli.data_command:data_command",
 }
 
 

@@ -19,10 +19,10 @@ from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
-from deepring.cli.report import INTERRUPTED, console, is_mistake
+from deepring.cli.console import INTERRUPTED, console, is_mistake
 from deepring.errors import DeepringError, StoppedError
 from deepring.experiment.status import reason
-from deepring.files import replacing
+from deepring.io.files import replacing
 
 log = logging.getLogger(__name__)
 

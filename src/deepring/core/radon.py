@@ -78,7 +78,7 @@ def _directions(count: int) -> tuple[Tensor, Tensor]:
 
 
 def _compiled(batch: Tensor, count: int, angles: int, bins: int, unit: float) -> Tensor:
-    from deepring.core import _kernels
+    from deepring.core import _radon_kernel
 
     cosines, sines = (direction.numpy() for direction in _directions(count))
     out = torch.empty(len(batch), angles, bins)
@@ -86,7 +86,7 @@ def _compiled(batch: Tensor, count: int, angles: int, bins: int, unit: float) ->
     bits = batch.dtype == torch.bool
     images = batch.view(torch.uint8) if bits else batch.detach().to(torch.float32)
     images = images.contiguous()
-    _kernels.radon(images.numpy(), cosines, sines, scale, np.float32(unit), out.numpy())
+    _radon_kernel.radon(images.numpy(), cosines, sines, scale, np.float32(unit), out.numpy())
     return out
 
 

@@ -7,10 +7,11 @@ scan file has the size and time of change it had then. A BEV of 120 x 120 cells 
 
 import hashlib
 import json
+import logging
 import sqlite3
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -19,16 +20,22 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from deepring.core.rasters import Raster, raster_settings
 from deepring.core.rigid import turn_points, yaw_of
-from deepring.data.scan import Session
+from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DeepringError
+from deepring.progress import progress_bar
+from deepring.rasters.kinds import Raster, raster_settings
+
+log = logging.getLogger(__name__)
 
 #: Raise when a change in the code changes the images that the same settings make.
 RASTER_VERSION = 1
 
 Progress = Callable[[int, int], None]
 """Called with the number of scans done and their total."""
+
+Bar = Callable[[str], AbstractContextManager[Progress]]
+"""Opens a progress bar of a title."""
 
 #: Rows asked for at once; SQLite takes no more than some thousand values a query.
 LOOKED_UP = 400
@@ -174,6 +181,19 @@ class RasterCache:
                 f"paths.cache: {self.path} cannot be used ({error}); delete the file, or choose "
                 "another folder with paths.cache=FOLDER"
             ) from error
+
+
+def load_rasters(
+    cache: RasterCache, scans: ScanSet, raster: Raster, what: str, bar: Bar = progress_bar
+) -> tuple[ScanSet, Rasters]:
+    """Rasters of a scan set; broken scans are left out and reported. All broken is an error."""
+    with bar(what) as progress:
+        kept, rasters, broken = cache.load(scans, raster, progress)
+    if not len(kept):
+        raise DeepringError(f"{what}: none of {len(scans)} scans can be read; first: {broken[0]}")
+    if broken:
+        log.warning("%s: left out %d broken scans; first: %s", what, len(broken), broken[0])
+    return kept, rasters
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from deepring.data.formats import detect_format, list_sessions, open_session
-from deepring.data.scan import Session
-from deepring.data.trajectory import NANOSECONDS
+from deepring.data.readers.formats import detect_format, list_sessions, open_session
+from deepring.data.readers.trajectory import NANOSECONDS
+from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DeepringError
 
 TIME_GAP_S = 1.0  # drives are recorded at 5 to 10 scans a second

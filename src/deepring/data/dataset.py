@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from deepring.data.cache import ScanSet
-from deepring.data.formats import open_session
+from deepring.data.readers.formats import open_session
 from deepring.data.regions import Shape, parse_region
-from deepring.data.sampling import far_half_plane, revisits, sample_by_distance
-from deepring.data.scan import Session
+from deepring.data.session import Session
+from deepring.data.spacing import far_half_plane, revisits, sample_by_distance
 from deepring.errors import DeepringError
 
 log = logging.getLogger(__name__)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring.data.dataset import distances_between
-from deepring.evaluation.retrieval import Images
 from deepring.methods.base import Method
+from deepring.methods.describe import Images
 
 
 class Placed(Protocol):

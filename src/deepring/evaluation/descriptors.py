@@ -20,7 +20,7 @@ from safetensors.numpy import save
 
 from deepring.errors import DeepringError
 from deepring.evaluation.fingerprint import as_read_back, digest_of
-from deepring.files import write_whole
+from deepring.io.files import write_whole
 
 #: Raise when what a file holds, or what it means, changes.
 FORMAT_VERSION = 1

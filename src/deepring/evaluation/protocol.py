@@ -26,8 +26,8 @@ from deepring.evaluation.descriptors import Labels
 from deepring.evaluation.export import Export
 from deepring.evaluation.metrics import MaxF1, PlaceAUC, PlacePrecisionRecall, RecallAtK
 from deepring.evaluation.results import Result
-from deepring.evaluation.retrieval import describe_all
 from deepring.methods.base import Method
+from deepring.methods.describe import describe_all
 
 log = logging.getLogger(__name__)
 

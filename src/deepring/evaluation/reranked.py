@@ -13,7 +13,7 @@ from deepring.data.cache import Progress
 from deepring.evaluation.described import Described
 from deepring.evaluation.descriptors import Labels
 from deepring.evaluation.protocol import Outcome, Side, Task, score_sides
-from deepring.evaluation.reranking import (
+from deepring.localization.candidates import (
     Candidates,
     Rerank,
     RerankSettings,
@@ -21,10 +21,10 @@ from deepring.evaluation.reranking import (
     by_location,
     by_pose,
 )
-from deepring.evaluation.retrieval import describe_all
 from deepring.methods.base import Comparison, Method
+from deepring.methods.describe import describe_all
+from deepring.methods.index_for import index_for
 from deepring.search.hits import Hits
-from deepring.search.of_method import index_for
 
 #: What a re-ranked method is called in results, so that nobody takes one row for another.
 NAMES: dict[Rerank, str] = {

@@ -7,7 +7,7 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 from deepring.errors import DeepringError
-from deepring.files import replacing
+from deepring.io.files import replacing
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from torch import Tensor
 from deepring.errors import DeepringError
 from deepring.evaluation.metrics import place_precision_recall
 from deepring.evaluation.protocol import Retrieved
-from deepring.files import replacing
+from deepring.io.files import replacing
 
 #: The folder of these files in a run's folder.
 FOLDER = "retrievals"

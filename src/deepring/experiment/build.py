@@ -17,25 +17,25 @@ from lightning.pytorch.loggers import Logger
 from omegaconf import OmegaConf
 from torch import nn
 
-from deepring.core.ground import Preprocessing
 from deepring.core.radon import Turn
-from deepring.core.rasters import Raster, make_raster, raster_settings
 from deepring.data.cache import RasterCache
-from deepring.data.datamodule import PlaceDataModule
 from deepring.data.dataset import DatasetConfig, PlaceDataset
-from deepring.data.episodes import EpisodeSettings
-from deepring.data.pool import Drawing
-from deepring.data.scan_batches import ScanBatchSettings
-from deepring.data.tuples import TupleSettings
 from deepring.errors import DeepringError
 from deepring.experiment.config import Config
 from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRingSettings
 from deepring.methods.network import NetworkMethod, PlainSettings, network_class
+from deepring.rasters.kinds import Raster, make_raster, raster_settings
+from deepring.rasters.preprocessing import Preprocessing
 from deepring.training.between_epochs import GrowingBatches, HardNegatives
+from deepring.training.datamodule import PlaceDataModule
+from deepring.training.episodes import EpisodeSettings
 from deepring.training.epoch_lines import EpochLines
 from deepring.training.module import PlaceModule
+from deepring.training.scan_batches import ScanBatchSettings
+from deepring.training.training_scans import Drawing
 from deepring.training.tuple_losses import BatchHardTriplet, LazyQuadruplet, QuadrupletWithYaw
+from deepring.training.tuples import TupleSettings
 
 log = logging.getLogger(__name__)
 

@@ -9,15 +9,15 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from deepring.data.dataset import DatasetConfig
-from deepring.data.episodes import EpisodeSettings
 from deepring.errors import DeepringError
 from deepring.evaluation.metrics import Over
-from deepring.evaluation.reranking import expect_rerank
+from deepring.localization.candidates import expect_rerank
+from deepring.training.episodes import EpisodeSettings
 
 
 @dataclass
 class PreprocessingConfig:
-    """See `deepring.core.ground.Preprocessing`."""
+    """See `deepring.rasters.preprocessing.Preprocessing`."""
 
     height: tuple[float, float] = (-5.0, 20.0)
     clearance: float | None = 0.5

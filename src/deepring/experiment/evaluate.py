@@ -6,17 +6,13 @@ from typing import cast
 
 from matplotlib.figure import Figure
 
-from deepring.core.rasters import BevRaster, Raster
-from deepring.data.datamodule import load_rasters
+from deepring.data.cache import load_rasters
 from deepring.data.dataset import RetrievalSet
 from deepring.evaluation.protocol import Outcome, Side, Task, evaluate_method
 from deepring.evaluation.reranked import evaluate_reranked
-from deepring.evaluation.reranking import Rerank, RerankSettings
 from deepring.evaluation.results import Result, write_results
-from deepring.evaluation.retrieval import describe_all
 from deepring.evaluation.retrievals import write_retrievals
 from deepring.evaluation.scoring import FOLDER as DESCRIPTORS
-from deepring.evaluation.tables import markdown, markdown_radii
 from deepring.experiment import build
 from deepring.experiment.config import (
     Config,
@@ -25,10 +21,14 @@ from deepring.experiment.config import (
 from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.pictures import evaluation_figures
 from deepring.experiment.plan import Plan
+from deepring.localization.candidates import Rerank, RerankSettings
 from deepring.methods.base import Method
+from deepring.methods.describe import describe_all
 from deepring.progress import progress_bar
-from deepring.viz.board import add_descriptors, write_board
-from deepring.viz.style import save
+from deepring.rasters.kinds import BevRaster, Raster
+from deepring.reports.results_table import markdown, markdown_radii
+from deepring.reports.style import save
+from deepring.reports.tensorboard_events import add_descriptors, write_board
 
 log = logging.getLogger(__name__)
 

@@ -1,8 +1,8 @@
 """What TensorBoard's HPARAMS page tells runs apart by."""
 
-from deepring.evaluation.paper import AGGREGATIONS, INPUTS, LOSSES
 from deepring.experiment import build
 from deepring.experiment.config import Config, flattened
+from deepring.paper.paper_values import AGGREGATIONS, INPUTS, LOSSES
 
 Value = bool | str | float | int
 

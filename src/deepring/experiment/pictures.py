@@ -10,7 +10,6 @@ from torch import Tensor
 
 from deepring.core.correlation import correlation_curves
 from deepring.core.radon import radon
-from deepring.core.rasters import BevRaster
 from deepring.core.rigid import turn_points
 from deepring.data.cache import ScanSet
 from deepring.data.dataset import RetrievalSet
@@ -20,9 +19,10 @@ from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network import NetworkMethod
 from deepring.methods.ring import Ring
-from deepring.viz.curves import precision_recall_figure, recall_radius_figure
-from deepring.viz.sinograms import sinogram_figure
-from deepring.viz.trajectory import trajectory_figure
+from deepring.rasters.kinds import BevRaster
+from deepring.reports.curves import precision_recall_figure, recall_radius_figure
+from deepring.reports.sinograms import sinogram_figure
+from deepring.reports.trajectory_figure import trajectory_figure
 
 #: The turn of the twin in the sinogram pictures, degrees; no multiple of a θ step.
 TWIN_TURN = 100.0

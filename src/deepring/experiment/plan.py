@@ -19,9 +19,9 @@ from deepring.experiment.config import (
     SimilarityConfig,
 )
 from deepring.methods.base import Method
+from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network import NetworkMethod, class_path
-from deepring.training.module import load_network
 
 log = logging.getLogger(__name__)
 

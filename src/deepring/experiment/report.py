@@ -8,7 +8,6 @@ import torch
 from omegaconf import OmegaConf
 
 from deepring.core.correlation import correlation_curves
-from deepring.core.rasters import BevRaster
 from deepring.data.cache import Rasters, ScanSet
 from deepring.data.dataset import RetrievalSet
 from deepring.errors import DeepringError
@@ -20,8 +19,9 @@ from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.run_folder import read_config
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import SHIPPED
-from deepring.viz import html
-from deepring.viz.failures import Shown, failure_figure
+from deepring.rasters.kinds import BevRaster
+from deepring.reports import html
+from deepring.reports.failures import Shown, failure_figure
 
 #: Figures by the beginning of their files' names, in the order they are shown, with captions.
 FIGURES = {

@@ -19,7 +19,7 @@ from yaml import YAMLError
 
 from deepring.errors import DeepringError
 from deepring.experiment.config import Config
-from deepring.files import replacing
+from deepring.io.files import replacing
 
 PACKAGES = ("deepring", "torch", "lightning", "hydra-core", "torchmetrics", "numpy", "scipy")
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from deepring.errors import DeepringError
 from deepring.evaluation.results import read_results
-from deepring.evaluation.rows import Run
 from deepring.experiment.run_folder import read_config
 from deepring.experiment.status import Status, read_status
+from deepring.paper.seed_groups import Run
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Literal, get_args
 from filelock import FileLock, Timeout
 
 from deepring.errors import DeepringError, StoppedError
-from deepring.files import replacing
+from deepring.io.files import replacing
 
 State = Literal["running", "finished", "failed"]
 

@@ -9,9 +9,8 @@ from pathlib import Path
 import lightning as L
 from lightning.pytorch.callbacks import Timer
 
-from deepring.data.datamodule import PlaceDataModule
 from deepring.data.dataset import PlaceDataset, RetrievalSet
-from deepring.data.scan import Session
+from deepring.data.session import Session
 from deepring.errors import DeepringError, StoppedError
 from deepring.evaluation.results import Result
 from deepring.experiment import build
@@ -25,7 +24,9 @@ from deepring.experiment.run_folder import (
     open_run_folder,
 )
 from deepring.experiment.status import Status, write_status
-from deepring.training.module import PlaceModule, load_network
+from deepring.methods.checkpoint import load_network
+from deepring.training.datamodule import PlaceDataModule
+from deepring.training.module import PlaceModule
 
 log = logging.getLogger(__name__)
 

@@ -4,8 +4,8 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 from torch import Tensor
 
-from deepring.core.rasters import Raster
 from deepring.errors import DeepringError
+from deepring.rasters.kinds import Raster
 
 
 class Comparison(NamedTuple):

@@ -14,7 +14,6 @@ from deepring.core.correlation import (
     unit_norm,
 )
 from deepring.core.radon import Turn
-from deepring.core.rasters import BevRaster, raster_settings
 from deepring.core.similarity import cosine, negative_distance
 from deepring.errors import DeepringError
 from deepring.methods.base import Comparison
@@ -23,6 +22,7 @@ from deepring.nn.aggregation import AGGREGATIONS, ROTATION_INVARIANT, channels_f
 from deepring.nn.circular import TauPadding
 from deepring.nn.representation import make_representation
 from deepring.nn.unet import CircularUNet
+from deepring.rasters.kinds import BevRaster, raster_settings
 
 NORMALISATIONS: dict[str, Callable[[Tensor], Tensor]] = {
     "unit": unit_norm,

@@ -9,12 +9,12 @@ from torch import Tensor
 
 from deepring.core.correlation import shift_to_yaw
 from deepring.core.phase import central_magnitude, phase_correlation
-from deepring.core.rasters import HeightRaster, raster_settings
 from deepring.core.similarity import negative_distance
 from deepring.errors import DeepringError
 from deepring.methods.base import Comparison
+from deepring.methods.disco_unet import DiscoUNet, PolarPadding
 from deepring.methods.network import NetworkMethod, PlainSettings
-from deepring.nn.disco import DiscoUNet, PolarPadding
+from deepring.rasters.kinds import HeightRaster, raster_settings
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ from typing import Any, ClassVar
 
 from torch import Tensor
 
-from deepring.core.point_rasters import VoxelRaster
-from deepring.core.rasters import raster_settings
 from deepring.core.similarity import negative_distance
 from deepring.methods.base import Comparison
+from deepring.methods.egonn_network import WIDTHS, EgoNN
 from deepring.methods.network import NetworkMethod, PlainSettings
-from deepring.nn.egonn import WIDTHS, EgoNN
+from deepring.rasters.kinds import raster_settings
+from deepring.rasters.point_rasters import VoxelRaster
 
 
 @dataclass(frozen=True)

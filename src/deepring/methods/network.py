@@ -8,9 +8,9 @@ from typing import Any, ClassVar, Self
 import torch
 from torch import Tensor, nn
 
-from deepring.core.rasters import Raster, make_raster
 from deepring.errors import DeepringError
 from deepring.methods.base import Comparison, expect_raster
+from deepring.rasters.kinds import Raster, make_raster
 
 
 class PlainSettings:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from safetensors import SafetensorError, safe_open
 
 from deepring.errors import DeepringError
-from deepring.files import write_tensors
+from deepring.io.files import write_tensors
 from deepring.methods.network import NetworkMethod
 from deepring.methods.portable import describe_network, make_network, weights_of
 

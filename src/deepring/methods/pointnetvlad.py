@@ -7,13 +7,13 @@ from typing import Any, ClassVar
 import torch.nn.functional as F
 from torch import Tensor
 
-from deepring.core.point_rasters import PointsRaster
-from deepring.core.rasters import raster_settings
 from deepring.core.similarity import negative_distance
 from deepring.methods.base import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.nn.netvlad import NetVlad
 from deepring.nn.pointnet import PointFeatures
+from deepring.rasters.kinds import raster_settings
+from deepring.rasters.point_rasters import PointsRaster
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,10 @@ import torch
 from torch import Tensor
 
 from deepring.core.correlation import Form, circular_cross_correlation, expect_form, shift_to_yaw
-from deepring.core.feature_raster import FeatureBevRaster
 from deepring.core.radon import radon
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
 from deepring.methods.base import Comparison, expect_raster
+from deepring.rasters.feature_raster import FeatureBevRaster
 
 
 class RingPlusPlus:

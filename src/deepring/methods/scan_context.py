@@ -4,9 +4,9 @@ import torch
 from torch import Tensor
 
 from deepring.core.correlation import correlation_curves, shift_to_yaw
-from deepring.core.rasters import ContextRaster
 from deepring.errors import DeepringError
 from deepring.methods.base import Comparison, expect_raster
+from deepring.rasters.kinds import ContextRaster
 
 
 class ScanContext:

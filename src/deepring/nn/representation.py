@@ -5,8 +5,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from deepring.core.radon import Turn, expect_turn, radon
-from deepring.core.rasters import BevRaster, PolarRaster, RangeRaster, Raster
 from deepring.errors import DeepringError
+from deepring.rasters.kinds import BevRaster, PolarRaster, RangeRaster, Raster
 
 
 class Sinogram(nn.Module):

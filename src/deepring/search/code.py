@@ -81,7 +81,7 @@ def code_scores(queries: Tensor, codes: Tensor, count: int | None = None) -> Ten
     with the first ``count`` of them."""
     count = codes.shape[-1] if count is None else count
     if queries.device.type == "cpu":
-        from deepring.search import _kernels
+        from deepring.search import _correlation_kernels as _kernels
 
         out = torch.empty(len(queries), count)
         _kernels.code_scores(queries.numpy(), codes.contiguous().numpy(), out.numpy())

@@ -1,21 +1,37 @@
 """Search by a method's own comparison, for methods that no faster index is made for."""
 
+from typing import Protocol
+
 import torch
 from torch import Tensor
 
 from deepring.errors import DeepringError
-from deepring.methods.base import Method
+from deepring.search.block_store import Rows
 from deepring.search.hits import Best, Hits
-from deepring.search.rows import Rows
 
 #: Places that are compared at once.
 _CHUNK = 1024
 
 
-class CompareIndex:
-    """Exhaustive search by `Method.compare`, chunk by chunk."""
+class Comparison(Protocol):
+    """What `Comparer.compare` gives: scores, and turns or None, each (q, d)."""
 
-    def __init__(self, method: Method) -> None:
+    @property
+    def score(self) -> Tensor: ...
+    @property
+    def yaw(self) -> Tensor | None: ...
+
+
+class Comparer(Protocol):
+    """Anything that compares descriptors, such as a method."""
+
+    def compare(self, queries: Tensor, database: Tensor) -> Comparison: ...
+
+
+class CompareIndex:
+    """Exhaustive search by a method's ``compare``, chunk by chunk."""
+
+    def __init__(self, method: Comparer) -> None:
         self.method = method
         self.places = Rows()
 

@@ -11,9 +11,9 @@ from torch import Tensor
 from deepring.core.correlation import shift_to_yaw
 from deepring.errors import DeepringError
 from deepring.search import exact
+from deepring.search.block_store import Rows
 from deepring.search.code import Code, CodeSettings, code_scores, fit_code
 from deepring.search.hits import Best, Hits
-from deepring.search.rows import Rows
 from deepring.search.shards import read_header, read_shards, write_header, write_shard
 from deepring.search.spectra import Precision, encode, expect_precision, spectrum_planes
 

@@ -3,8 +3,8 @@
 import torch
 from torch import Tensor
 
+from deepring.search.block_store import Rows
 from deepring.search.hits import Best
-from deepring.search.rows import Rows
 from deepring.search.spectra import STEP, Spectra, best_shift, rest_of, waves
 
 #: Floats of correlation curves that the torch form holds at once.
@@ -23,7 +23,7 @@ def compiled(places: Rows, planes: Tensor, rows: int, k: int, which: Tensor | No
         k: places wanted.
         which: places to compare with; None takes all.
     """
-    from deepring.search import _kernels
+    from deepring.search import _correlation_kernels as _kernels
 
     score = torch.full((len(planes), k), torch.finfo().min)
     place, shift = torch.full((2, len(planes), k), -1, dtype=torch.int64)

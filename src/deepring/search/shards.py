@@ -14,8 +14,8 @@ from safetensors import SafetensorError, safe_open
 from torch import Tensor
 
 from deepring.errors import DeepringError
-from deepring.files import write_tensors
-from deepring.search.rows import Block, lengths_of
+from deepring.io.files import write_tensors
+from deepring.search.block_store import Block, lengths_of
 
 #: Raise when what a folder holds, or what it means, changes.
 FORMAT_VERSION = 2

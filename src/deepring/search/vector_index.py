@@ -8,8 +8,8 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from deepring.errors import DeepringError
+from deepring.search.block_store import Rows
 from deepring.search.hits import Best, Hits
-from deepring.search.rows import Rows
 
 Metric = Literal["l2", "cosine"]
 

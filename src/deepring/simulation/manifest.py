@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from deepring.errors import DeepringError
-from deepring.files import part_of, write_whole
+from deepring.io.files import part_of, write_whole
 from deepring.simulation.settings import SimulationSettings
 
 #: Counts changes that alter the bytes of a simulation.

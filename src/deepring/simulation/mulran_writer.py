@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.files import write_whole
+from deepring.io.files import write_whole
 from deepring.simulation.drive import Drive
-from deepring.simulation.regions import UTM_ORIGIN
 from deepring.simulation.sensors import Sensor, Sweep
+from deepring.simulation.split import UTM_ORIGIN
 
 #: The sequences' folders, database first.
 SESSIONS = ("SimCity01", "SimCity02")

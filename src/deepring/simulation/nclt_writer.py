@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.core.rigid import NED_TO_UP
-from deepring.files import write_whole
+from deepring.io.files import write_whole
 from deepring.simulation.drive import Drive
 from deepring.simulation.sensors import Sensor, Sweep
 

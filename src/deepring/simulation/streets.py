@@ -6,8 +6,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.simulation.regions import GAP
 from deepring.simulation.settings import SimulationSettings
+from deepring.simulation.split import GAP
 
 FloatArray = NDArray[np.float64]
 Street = tuple[int, int]

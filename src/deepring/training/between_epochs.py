@@ -5,11 +5,11 @@ from typing import Any, cast
 import lightning as L
 from lightning.pytorch.callbacks import Callback
 
-from deepring.data.datamodule import PlaceDataModule
-from deepring.data.scan_batches import ScanBatchSet
-from deepring.data.tuples import TupleSet
-from deepring.evaluation.retrieval import describe_all
+from deepring.methods.describe import describe_all
 from deepring.methods.network import NetworkMethod
+from deepring.training.datamodule import PlaceDataModule
+from deepring.training.scan_batches import ScanBatchSet
+from deepring.training.tuples import TupleSet
 
 
 class HardNegatives(Callback):

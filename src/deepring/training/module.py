@@ -1,7 +1,6 @@
 """The LightningModule: a batch in, a loss out; retrieval in validation."""
 
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import Any, cast
 
 import lightning as L
@@ -9,17 +8,11 @@ import torch
 from torch import Tensor, nn
 from torchmetrics import Metric
 
-from deepring.data.datamodule import RetrievalBatch
 from deepring.errors import DeepringError
 from deepring.evaluation.metrics import PlaceAUC, RecallAtK
-from deepring.evaluation.retrieval import describe_all
-from deepring.methods.network import NetworkMethod, class_path, network_class
-from deepring.methods.network_file import (
-    SHIPPED,
-    NetworkFile,
-    read_network,
-    shipped_network,
-)
+from deepring.methods.describe import describe_all
+from deepring.methods.network import NetworkMethod, class_path
+from deepring.training.datamodule import RetrievalBatch
 from deepring.training.losses import OneShotCrossEntropy
 from deepring.training.steps import take_step
 
@@ -103,40 +96,3 @@ class PlaceModule(L.LightningModule):
         if self.make_scheduler is None:
             return optimizer
         return {"optimizer": optimizer, "lr_scheduler": self.make_scheduler(optimizer)}
-
-
-def load_network(checkpoint: Path | str) -> NetworkFile:
-    """The network of a checkpoint or of an exported .safetensors file, on the CPU; 'shipped' is
-    the one that comes with the package.
-
-    Raises DeepringError where the file is missing or holds no checkpoint of a method.
-    """
-    if str(checkpoint) == SHIPPED:
-        return shipped_network()
-    path = Path(checkpoint)
-    if path.suffix == ".safetensors":
-        return read_network(path)
-    if not path.is_file():
-        raise DeepringError(
-            f"checkpoint: {path} is no file; give the .ckpt of a run, such as "
-            "outputs/demo/latest/checkpoints/best.ckpt"
-        )
-    try:
-        state = torch.load(path, map_location="cpu", weights_only=True)
-        kept = state["hyper_parameters"]
-        weights = {
-            name.removeprefix("method."): value
-            for name, value in state["state_dict"].items()
-            if name.startswith("method.")
-        }
-        kind = network_class(kept["method"])
-        method = kind(kind.settings_class.from_dict(kept["settings"]))
-        method.load_state_dict(weights)
-    except DeepringError:
-        raise
-    except Exception as error:  # torch.load raises many kinds for a damaged file
-        raise DeepringError(
-            f"checkpoint: {path} is no whole checkpoint of this version "
-            f"({type(error).__name__}); take another, or delete it to train anew"
-        ) from error
-    return NetworkFile(method.eval(), str(kept["trained_on"]), str(kept["loss"]))

@@ -5,12 +5,12 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor, nn
 
-from deepring.data.episodes import Episode
-from deepring.data.scan_batches import ScanBatch
-from deepring.data.tuples import TupleBatch
 from deepring.methods.network import NetworkMethod
+from deepring.training.episodes import Episode
 from deepring.training.losses import OneShotCrossEntropy
+from deepring.training.scan_batches import ScanBatch
 from deepring.training.tuple_losses import QuadrupletWithYaw
+from deepring.training.tuples import TupleBatch
 
 
 class Step(NamedTuple):

@@ -1,0 +1,229 @@
+"""`deepring case-study`: why SG, and not PG, bears a turn and a translation."""
+
+import argparse
+import math
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rich import box
+from rich.table import Table
+
+from deepring.cli.console import console
+from deepring.data.readers.drive_file import is_drive_file
+from deepring.data.readers.formats import (
+    FORMATS,
+    detect_format,
+    ground_of,
+    list_sessions,
+    open_session,
+)
+from deepring.data.readers.scan_files import BINARY
+from deepring.data.session import Points
+from deepring.errors import BrokenScanError, DeepringError
+from deepring.paper.case_study import (
+    NAMES,
+    ErrorRow,
+    Kind,
+    Motion,
+    Pair,
+    Scan,
+    case_pair,
+    measure,
+    write_errors,
+)
+from deepring.paper.case_study_figures import error_figure, pair_figure
+from deepring.progress import progress_bar
+from deepring.rasters.kinds import BevRaster
+from deepring.reports.style import save
+
+#: What the summary shows of the CSV file: kind, value, header. 52.5° ends half-way between rows.
+SHOWN: tuple[tuple[Kind, float | None, str], ...] = (
+    ("translation", 5.0, "5 m"),
+    ("translation", 10.0, "10 m"),
+    ("translation", 20.0, "20 m"),
+    ("rotation", 45.0, "45°, 15 rows"),
+    ("rotation", 52.5, "52.5°, 17.5 rows"),
+    ("unrelated", None, "unrelated"),
+)
+
+
+class Source(NamedTuple):
+    """Scan files, and where each was taken."""
+
+    title: str
+    format: str
+    read: Callable[[Path], Points]
+    ground_z: float
+    files: Sequence[Path]
+    positions: NDArray[np.float64] | None  # (n, 2) metres; None for scans without poses
+
+
+def case_study_command(arguments: Sequence[str]) -> None:
+    """``deepring case-study DATASET | --format F FILE...``: two figures and a CSV file."""
+    args = _parser().parse_args(arguments)
+    _check(args)
+    source = _source(args.paths, args.format, args.session)
+    left_out: list[str] = []
+    scans = _readable(source, args.seed, left_out)
+    first = next(scans, None)
+    if first is None:
+        raise DeepringError(
+            f"{source.title}: none of its {len(source.files)} scans can be used "
+            f"(first: {left_out[0]})"
+        )
+    pair = case_pair(first.points, _motion(args), source.ground_z, args.seed)
+    repeats = math.ceil(args.pairs / len(source.files))
+    with progress_bar("moving scans") as progress:
+        every = chain([first], scans)
+        rows = measure(every, source.ground_z, args.pairs, repeats, args.seed, progress)
+    figures = {
+        "case_study.png": pair_figure(pair),
+        "case_study_error.png": error_figure(rows, source.title),
+    }
+    for name, figure in figures.items():
+        save(figure, args.output / name)
+    write_errors(args.output / "case_study.csv", rows)
+    _report(source, pair, rows, left_out, args.output)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        "deepring case-study",
+        description="Move scans by known turns and translations, and compare what is left of it "
+        "in the DFT magnitudes of sinograms (SG) and polar grams (PG).",
+    )
+    parser.add_argument(
+        "paths",
+        nargs="+",
+        type=Path,
+        metavar="DATASET | FILE",
+        help="a dataset's folder or drive.yaml, or scan files of different places (with --format)",
+    )
+    parser.add_argument("--session", help="of the dataset; the first by default")
+    parser.add_argument("--format", choices=list(FORMATS), help="told from a folder by default")
+    parser.add_argument("--pairs", type=int, default=64, help="of the error curves (default: 64)")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--translation", type=float, default=10.0, metavar="M", help="of the drawn pair (10)"
+    )
+    parser.add_argument(
+        "--rotation", type=float, metavar="DEG", help="of the drawn pair; random by default"
+    )
+    parser.add_argument("-o", "--output", type=Path, default=Path("outputs/case_study"))
+    return parser
+
+
+def _check(args: argparse.Namespace) -> None:
+    reach = BevRaster().extent
+    if args.pairs < 1:
+        raise DeepringError(f"--pairs {args.pairs}: expected at least 1")
+    if args.seed < 0:
+        raise DeepringError(f"--seed {args.seed}: expected 0 or more")
+    if not 0 <= args.translation <= reach:
+        raise DeepringError(
+            f"--translation {args.translation:g}: expected metres from 0 to {reach:g}, beyond "
+            "which a scan leaves its own view"
+        )
+    if args.rotation is not None and not math.isfinite(args.rotation):
+        raise DeepringError(f"--rotation {args.rotation}: expected degrees")
+    if args.output.exists() and not args.output.is_dir():
+        raise DeepringError(f"-o {args.output}: is a file; expected a folder to write to")
+
+
+def _source(paths: Sequence[Path], format: str | None, session: str | None) -> Source:
+    if len(paths) == 1 and (is_drive_file(paths[0]) or not paths[0].is_file()):
+        return _dataset(paths[0], format, session)
+    others = [str(path) for path in paths if not path.is_file()]
+    if others:
+        raise DeepringError(f"{others[0]}: is no file; expected one dataset, or scan files alone")
+    if format is None or format not in BINARY:
+        raise DeepringError(
+            f"{paths[0]}: a scan file does not tell its format; add --format, one of "
+            + ", ".join(BINARY)
+        )
+    if session is not None:
+        raise DeepringError(f"--session {session}: expected a dataset's folder with it, no files")
+    if len({path.resolve() for path in paths}) < len(paths):
+        raise DeepringError("FILE: the same scan twice; expected scans of different places")
+    title = ", ".join(path.name for path in paths)
+    ground_z = FORMATS[format].ground_z
+    assert ground_z is not None
+    return Source(title, format, BINARY[format], ground_z, paths, None)
+
+
+def _dataset(root: Path, format: str | None, name: str | None) -> Source:
+    format = format or detect_format(root)
+    names = list_sessions(format, root)
+    if name is not None and name not in names:
+        raise DeepringError(f"--session {name}: not in {root}; expected one of {', '.join(names)}")
+    session = open_session(format, root, name or names[0])
+    folder = root.resolve().name
+    title = folder if folder == session.name else f"{folder}, {session.name}"
+    ground_z = ground_of(session, format)
+    return Source(title, format, session.read, ground_z, session.files, session.positions)
+
+
+def _readable(source: Source, seed: int, left_out: list[str]) -> Iterator[Scan]:
+    """A dataset's scans in random order, without the broken ones, which go to ``left_out``.
+
+    Files named by hand come in their order, and a broken one is an error.
+    """
+    order = list(range(len(source.files)))
+    if source.positions is not None:
+        order = np.random.default_rng(seed).permutation(order).tolist()
+    for k in order:
+        try:
+            points = _points(source, source.files[k])
+        except BrokenScanError as error:
+            if source.positions is None:
+                raise
+            left_out.append(str(error))
+            continue
+        yield Scan(points, None if source.positions is None else source.positions[k])
+
+
+def _points(source: Source, file: Path) -> Points:
+    """Points that leave something to see. Raises BrokenScanError."""
+    points = source.read(file)
+    bev = BevRaster()
+    if not bev(points, source.ground_z).any():
+        raise BrokenScanError(
+            f"{file}: {len(points)} points as {source.format}, none of them above the ground "
+            f"within {bev.extent:g} m; check the file and --format"
+        )
+    return points
+
+
+def _motion(args: argparse.Namespace) -> Motion:
+    rng = np.random.default_rng(args.seed)
+    yaw, direction = rng.uniform(0, 360), rng.uniform(0, 2 * math.pi)
+    shift = args.translation * math.cos(direction), args.translation * math.sin(direction)
+    return Motion(yaw if args.rotation is None else args.rotation, shift)
+
+
+def _report(
+    source: Source, pair: Pair, rows: Sequence[ErrorRow], left_out: Sequence[str], output: Path
+) -> None:
+    means = {(row.representation, row.kind, row.value): row for row in rows}
+    shown = [column for column in SHOWN if (NAMES[0], column[0], column[1]) in means]
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column("mean error")
+    for *_, header in shown:
+        table.add_column(header, justify="right")
+    for name in NAMES:
+        cells = (f"{means[name, kind, value].mean:.3f}" for kind, value, _ in shown)
+        table.add_row(name, *cells)
+    console.print(f"{source.title}: {rows[0].n} pairs, at random headings")
+    console.print(table)
+    metres = math.hypot(*pair.motion.shift)
+    errors = ", ".join(f"{view.name} {view.error:.3f}" for view in pair.views)
+    console.print(f"drawn pair   turned {pair.motion.yaw_deg:.1f}°, moved {metres:g} m: {errors}")
+    if len(shown) < len(SHOWN):
+        console.print("unrelated    left out: no two scans of places far enough apart")
+    if left_out:
+        console.print(f"left out     {len(left_out)} broken scans (first: {left_out[0]})")
+    console.print(f"written      {output}/case_study.png, case_study_error.png, case_study.csv")

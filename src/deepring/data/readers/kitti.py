@@ -1,0 +1,195 @@
+"""KITTI odometry (Karlsruhe Institute of Technology) and everything written in its layout.
+
+The layout suits a user's own data too: Semantic-KITTI has it, and many mapping tools write it.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deepring.data.readers.listing import (
+    XYZI,
+    Listing,
+    existing_root,
+    first_file,
+    layout_error,
+    list_scans,
+    nothing_readable,
+    read_bytes,
+    records_from,
+    valid_points,
+)
+from deepring.data.readers.trajectory import NANOSECONDS, poses_from_rows, read_table, rigid_rows
+from deepring.data.session import Omissions, Points, Session
+from deepring.errors import DeepringError
+
+LAYOUTS = (
+    "velodyne/<frame>.bin with poses.txt and calib.txt beside",
+    "sequences/NN/velodyne/<frame>.bin with sequences/NN/{poses.txt,calib.txt}",
+    "sequences/NN/velodyne/<frame>.bin with sequences/NN/calib.txt and poses/NN.txt",
+    "each also below dataset/; times.txt beside calib.txt where there are time stamps",
+)
+
+_POSE_ROW = np.dtype([("values", np.float64, (12,))])
+_TIME_ROW = np.dtype([("seconds", np.float64)])
+#: The benchmark publishes no poses for these sequences.
+_TEST_SEQUENCES = {str(number) for number in range(11, 22)}
+
+
+def read_kitti_scan(path: Path | str) -> Points:
+    """Read one ``velodyne/<frame>.bin``: (m, 3) float32 metres, x forward, y left, z up.
+
+    Records are float32 x, y, z, reflectance, little-endian. Points that are NaN, infinite or
+    exactly (0, 0, 0) are dropped. Raises BrokenScanError.
+    """
+    return valid_points(records_from(read_bytes(path), XYZI, path)["xyz"], path)
+
+
+def open_kitti(root: Path | str, sequence: str | None = None) -> Session:
+    """Open one ``sequence`` ("00") below ``root``, or ``root`` itself where it is one drive.
+
+    The number in a scan's name is its row in ``poses.txt`` (and ``times.txt``), from 0. Rows there
+    are P, the pose of cam0 in the world; with Tr (LiDAR -> cam0) of ``calib.txt`` the LiDAR's pose
+    is Tr^-1 P Tr, in the frame of the first LiDAR scan. With Tr the identity, poses are taken as
+    they stand. ``ground_truth`` is their (x, y); ``stamps`` are None without ``times.txt``. Scans
+    without a row, or whose row is no rigid pose, are left out and counted. Raises DeepringError
+    for a folder of another layout, or where no scan can be used.
+    """
+    base = existing_root(root)
+    drive = _find_drive(base, sequence)
+    listing = list_scans(drive / "velodyne", XYZI.itemsize)
+    if not listing.files:
+        raise nothing_readable(drive / "velodyne", listing)
+    rows = _read_poses(base, drive)
+    rigid = rigid_rows(rows)
+    used = _scans_with_pose(listing, rigid, drive)
+    frames = listing.numbers[used]
+    to_camera = read_calibration(drive / "calib.txt")
+    poses = np.linalg.inv(to_camera) @ rows[frames] @ to_camera
+    times = _read_times(drive / "times.txt", len(rows))
+    return Session(
+        name=drive.name,
+        files=tuple(listing.files[i] for i in used),
+        poses=poses,
+        ground_truth=poses[:, :2, 3].copy(),
+        stamps=None if times is None else times[frames],
+        read=read_kitti_scan,
+        omissions=Omissions(
+            broken=listing.broken,
+            without_pose=len(listing.files) - len(used),
+            bad_poses=int(np.sum(~rigid)),
+        ),
+    )
+
+
+def read_calibration(path: Path) -> NDArray[np.float64]:
+    """Read Tr, LiDAR -> cam0, from ``calib.txt``: (4, 4) float64.
+
+    That is the line ``Tr:`` with 12 numbers, among KITTI's P0 to P3, or a lone line of 12 numbers.
+    """
+    advice = "For poses that are the LiDAR's own, write: Tr: 1 0 0 0 0 1 0 0 0 0 1 0"
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DeepringError(
+            f"{path}: cannot be read ({error}); expected Tr, LiDAR to camera. {advice}"
+        ) from error
+    lines = [line.partition(":") for line in text.splitlines() if line.strip()]
+    found = [numbers for name, colon, numbers in lines if colon and name.strip() == "Tr"]
+    if not found and len(lines) == 1 and not lines[0][1]:
+        found = [lines[0][0]]
+    try:
+        transform = poses_from_rows(np.array([found[0].split()], dtype=np.float64).reshape(1, 12))
+    except (IndexError, ValueError) as error:
+        raise DeepringError(f"{path}: expected a line 'Tr:' with 12 numbers. {advice}") from error
+    if not rigid_rows(transform)[0]:
+        raise DeepringError(f"{path}: Tr is {found[0].strip()}; expected a rotation and a shift")
+    return np.asarray(transform[0], dtype=np.float64)
+
+
+def list_kitti(root: Path | str) -> list[str]:
+    """Names of the sequences in ``root``, sorted; the folder's own name where it is one drive.
+
+    KITTI's test sequences 11 to 21 are named only where there are poses for them.
+    """
+    base = existing_root(root)
+    if (base / "velodyne").is_dir():
+        return [base.name]
+    drives = [folder for parent in _parents(base) if parent.is_dir() for folder in parent.iterdir()]
+    return sorted(
+        {
+            drive.name
+            for drive in drives
+            if (drive / "velodyne").is_dir()
+            and (drive.name not in _TEST_SEQUENCES or _pose_file(base, drive))
+        }
+    )
+
+
+def _parents(root: Path) -> tuple[Path, ...]:
+    """Folders whose subfolders may be sequences."""
+    return root / "sequences", root / "dataset" / "sequences", root
+
+
+def _find_drive(root: Path, sequence: str | None) -> Path:
+    candidates = [root] if sequence in (None, root.name) else []
+    if sequence is not None:
+        names = (sequence, sequence.zfill(2))  # "0" is how "00" comes out of some parsers
+        candidates += [parent / name for parent in _parents(root) for name in names]
+    for drive in candidates:
+        if (drive / "velodyne").is_dir():
+            return drive
+    wanted = "no velodyne/ folder" if sequence is None else f"no scans of session {sequence!r}"
+    there = ", ".join(list_kitti(root))
+    raise layout_error(
+        wanted + (f", but of {there}: name one" if there else ""), root, "kitti", LAYOUTS
+    )
+
+
+def _pose_file(root: Path, drive: Path) -> Path | None:
+    """``poses.txt`` of the drive, or the official ``poses/NN.txt`` beside ``sequences``."""
+    split = drive.parent.parent / "poses" / f"{drive.name}.txt"
+    return first_file((drive / "poses.txt", split, root / "poses" / f"{drive.name}.txt"))
+
+
+def _read_poses(root: Path, drive: Path) -> NDArray[np.float64]:
+    path = _pose_file(root, drive)
+    if path is None:
+        problem = f"no poses.txt and no poses/NN.txt for the scans of {drive}, so no ground truth"
+        raise layout_error(problem, root, "kitti", LAYOUTS)
+    expected = "12 numbers, separated by blanks: a 3x4 pose, row by row"
+    return poses_from_rows(read_table(path, _POSE_ROW, None, expected)["values"])
+
+
+def _scans_with_pose(listing: Listing, rigid: NDArray[np.bool_], drive: Path) -> NDArray[np.intp]:
+    """Indices of the scans whose number is a row with a pose."""
+    numbers, rows = listing.numbers, len(rigid)
+    in_range = numbers < rows
+    if len(numbers) + len(listing.broken) == rows and not in_range.all():
+        # As many scans as poses, numbered otherwise: rows would go to the wrong scans in silence.
+        raise DeepringError(
+            f"{drive}/velodyne: {rows} scans for {rows} poses, but numbered up to {numbers[-1]}; "
+            f"expected names from 000000.bin to {rows - 1:06d}.bin. Rename them by their rows"
+        )
+    used = np.flatnonzero(in_range & rigid[np.minimum(numbers, rows - 1)])
+    if not len(used):
+        raise DeepringError(
+            f"{drive}/velodyne: no scan with a pose: scans are numbered {numbers[0]} to "
+            f"{numbers[-1]}, and the pose file has {rows} rows ({int(rigid.sum())} of them usable)."
+            " The number in a scan's name is its row, from 0"
+        )
+    return used
+
+
+def _read_times(path: Path, rows: int) -> NDArray[np.int64] | None:
+    """Stamps (n,) in nanoseconds from ``times.txt`` in seconds; None where there is none."""
+    if not path.is_file():
+        return None
+    seconds = read_table(path, _TIME_ROW, None, "one number, a time in seconds")["seconds"]
+    if len(seconds) != rows or not (np.abs(seconds) < 9e9).all():  # also refuses NaN
+        raise DeepringError(
+            f"{path}: {len(seconds)} rows for {rows} poses; expected a time in seconds for each. "
+            "Fetch the file again, or remove it: time stamps are optional"
+        )
+    return np.rint(seconds * NANOSECONDS).astype(np.int64)

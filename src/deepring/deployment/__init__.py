@@ -1,1 +1,0 @@
-"""Trained networks for where there is no PyTorch."""

@@ -1,0 +1,1 @@
+"""Where a query is: alignment of candidates, maps, loop closures, calibration."""

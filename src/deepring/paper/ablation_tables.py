@@ -1,0 +1,108 @@
+"""Ablation tables as grids: as the paper prints them, and in full for the CSV file."""
+
+import statistics
+from collections.abc import Iterable, Sequence
+
+from deepring.paper.ablation import (
+    CLASSES,
+    GROUP,
+    AblationTable,
+    Entry,
+    by_size,
+    sample_deviation,
+)
+from deepring.paper.paper_values import WAYS
+from deepring.paper.seed_groups import varied
+from deepring.reports.table import NONE, Cell, Grid, best_bold
+
+
+def shown_grid(table: AblationTable) -> Grid:
+    """The table as the paper prints it, means to three digits, the best in bold."""
+    return _ways_grid(table) if table.name == "table4" else _rows_grid(table)
+
+
+def number_grid(table: AblationTable) -> Grid:
+    """Every key that varies and every number in full, one row an entry; "" where there is none.
+
+    Beside the names and keys: n and the seeds; mean and sample standard deviation of Recall@1,
+    maximal F1 and AUC; the paper's Recall@1; Recall@1 of each seed.
+    """
+    rows = [entry.row for entry in table.entries]
+    keys = varied(rows)
+    names = [name for name in table.entries[0].names if name not in keys]
+    seeds = sorted({seed for entry in table.entries for seed in entry.recalls})
+    spread = [f"{what}_{of}" for what in ("recall_1", "f1_max", "auc") for of in ("mean", "std")]
+    headers = [*names, *keys, "n", "seeds", *spread, "paper", *(f"seed_{seed}" for seed in seeds)]
+    cells = []
+    for entry in table.entries:
+        texts = [entry.names[name] for name in names]
+        texts += [str(entry.row.setting.get(key, "")) for key in keys]
+        texts += [str(len(entry.recalls)), " ".join(map(str, entry.recalls))]
+        results = entry.row.results.values()
+        for values in (
+            entry.recalls.values(),
+            [result.f1_max for result in results],
+            [result.auc for result in results],
+        ):
+            texts += [_full(statistics.fmean(values)), _full(sample_deviation(values))]
+        texts += [_full(entry.paper), *(_full(entry.recalls.get(seed)) for seed in seeds)]
+        cells.append([*map(Cell, texts)])
+    return Grid(table.title, headers, cells, len(names) + len(keys))
+
+
+def _rows_grid(table: AblationTable) -> Grid:
+    names = list(table.entries[0].names)
+    grouped = names[0] == GROUP
+    with_paper = grouped or any(entry.paper is not None for entry in table.entries)
+    values = _best_bold(table.entries)
+    groups = [entry.names[GROUP] if grouped else "" for entry in table.entries]
+    breaks = [k for k in range(1, len(groups)) if groups[k] != groups[k - 1]]
+    rows = []
+    for k, (entry, value) in enumerate(zip(table.entries, values, strict=True)):
+        texts = list(entry.names.values())
+        if grouped and k and k not in breaks:
+            texts[0] = ""  # a group is named once
+        paper = [Cell(_rate(entry.paper))] if with_paper else []
+        rows.append([*map(Cell, texts), value, *paper])
+    headers = [*names, "Recall@1", *(["paper"] if with_paper else [])]
+    return Grid(table.title, headers, rows, len(names), breaks, table.notes)
+
+
+def _ways_grid(table: AblationTable) -> Grid:
+    """Ways as columns; a line for each setting of the other keys, and the paper's below."""
+    ways = list(dict.fromkeys(entry.names[CLASSES] for entry in _by_ways(table.entries)))
+    keys = [name for name in table.entries[0].names if name != CLASSES]
+    lines: dict[tuple[str, ...], dict[str, Cell]] = {}
+    paper: dict[str, Cell] = {}
+    cells = _best_bold(table.entries)
+    for entry, cell in zip(table.entries, cells, strict=True):
+        lines.setdefault(tuple(entry.names[key] for key in keys), {})[entry.names[CLASSES]] = cell
+        if entry.paper is not None:
+            paper[entry.names[CLASSES]] = Cell(_rate(entry.paper))
+    rows = [
+        [Cell("Recall@1"), *map(Cell, names), *(line.get(way, Cell(NONE)) for way in ways)]
+        for names, line in lines.items()
+    ]
+    if paper:
+        blank = [Cell("")] * len(keys)
+        rows.append([Cell("paper"), *blank, *(paper.get(way, Cell(NONE)) for way in ways)])
+    headers = [CLASSES, *keys, *ways]
+    return Grid(table.title, headers, rows, 1 + len(keys), [len(lines)], table.notes)
+
+
+def _best_bold(entries: Sequence[Entry]) -> list[Cell]:
+    """The best mean in bold; none where means are not over the same seeds, and so the same data."""
+    alike = len({frozenset(entry.recalls) for entry in entries}) == 1
+    return best_bold([entry.text for entry in entries], max if alike else None)
+
+
+def _by_ways(entries: Iterable[Entry]) -> list[Entry]:
+    return sorted(entries, key=lambda entry: by_size(entry.row.setting.get(WAYS)))
+
+
+def _rate(value: float | None) -> str:
+    return NONE if value is None else f"{value:.3f}"
+
+
+def _full(value: float | None) -> str:
+    return "" if value is None else repr(value)

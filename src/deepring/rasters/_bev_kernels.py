@@ -1,0 +1,148 @@
+"""Compiled CPU loops (numba). Imported on first use, so that the package starts quickly."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def occupancy(points, extent, cells, out):
+    """Mark in ``out`` (cells, cells) uint8 the cells that hold a point of (n, >=2) float32."""
+    scale = np.float32(cells / (2.0 * extent))
+    half = np.float32(extent)
+    for k in range(points.shape[0]):
+        i = math.floor((points[k, 0] + half) * scale)
+        j = math.floor((points[k, 1] + half) * scale)
+        if 0 <= i < cells and 0 <= j < cells:
+            out[i, j] = 1
+
+
+# The loops over points write first and count afterwards: which points stay is as good as random
+# to the processor, and a mispredicted branch costs more than a wasted store.
+
+
+@njit(cache=True, nogil=True)
+def in_box(points, extent, low, high, kept):
+    """Copy the points with |x|, |y| < extent and low < z < high to the front of ``kept``
+    (n + 1, 3); their number."""
+    extent, low, high = np.float32(extent), np.float32(low), np.float32(high)
+    count = 0
+    for k in range(points.shape[0]):
+        x, y, z = points[k, 0], points[k, 1], points[k, 2]
+        kept[count, 0] = x
+        kept[count, 1] = y
+        kept[count, 2] = z
+        count += int((abs(x) < extent) & (abs(y) < extent) & (z > low) & (z < high))
+    return count
+
+
+#: Points that are taken at once: their coordinates, one after the other, stay in the first cache.
+_LOT = 2048
+
+
+@njit(cache=True, nogil=True)
+def part(flat, start, xs, ys, zs):
+    """Coordinates of a lot of points, that lie one after the other in ``flat`` (3 n,), from the
+    point ``start``; their number. Rows of a fixed width can be taken apart by vector instructions.
+    """
+    count = min(xs.shape[0], flat.shape[0] // 3 - start)
+    lot = flat[3 * start : 3 * (start + count)]
+    for k in range(count):
+        xs[k], ys[k], zs[k] = lot[3 * k], lot[3 * k + 1], lot[3 * k + 2]
+    return count
+
+
+@njit(cache=True, nogil=True)
+def lot_cells(xs, ys, zs, box, low, high, half, scale, side, cells):
+    """Flat cell of each of the first points of a lot, as many as ``cells`` has room for, in a grid
+    of ``side`` x ``side`` that starts at -half and has ``scale`` cells a metre; the cell behind the
+    last for points outside of it, or not in |x|, |y| < box and low < z < high."""
+    box, low, high = np.float32(box), np.float32(low), np.float32(high)
+    half, scale = np.float32(half), np.float32(scale)
+    row, end, spare = np.int32(side), np.float32(side), np.int32(side * side)
+    for k in range(cells.shape[0]):
+        x, y, z = xs[k], ys[k], zs[k]
+        u, v = (x + half) * scale, (y + half) * scale
+        kept = (abs(x) < box) & (abs(y) < box) & (z > low) & (z < high)
+        kept &= (u >= 0) & (u < end) & (v >= 0) & (v < end)
+        cells[k] = np.uint32(np.int32(u) * row + np.int32(v) if kept else spare)
+
+
+@njit(cache=True, nogil=True)
+def band_occupancy(flat, box, low, high, extent, side, out):
+    """`in_box` and `occupancy` at once: mark in ``out`` (side² + 1,) uint8, flat, the cells of
+    points with |x|, |y| < box and low < z < high; all others mark the last."""
+    xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
+    cells = np.empty(_LOT, np.uint32)
+    for start in range(0, flat.shape[0] // 3, _LOT):
+        some = cells[: part(flat, start, xs, ys, zs)]
+        lot_cells(xs, ys, zs, box, low, high, extent, side / (2.0 * extent), side, some)
+        for k in range(some.shape[0]):
+            out[some[k]] = 1
+
+
+@njit(cache=True, nogil=True)
+def ground_cells(flat, box, low, high, cell, side, ground):
+    """Flat cell of each point (n,) uint32 in the grid of the ground, see `lot_cells`."""
+    xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
+    for start in range(0, flat.shape[0] // 3, _LOT):
+        some = ground[start : start + part(flat, start, xs, ys, zs)]
+        lot_cells(xs, ys, zs, box, low, high, side * cell / 2, 1.0 / cell, side, some)
+
+
+@njit(cache=True, nogil=True)
+def two_cells(flat, box, low, high, cell, side, extent, image_side, ground, image):
+    """`ground_cells`, and those of the image: (n,) uint32 each."""
+    xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
+    image_scale = image_side / (2.0 * extent)
+    for start in range(0, flat.shape[0] // 3, _LOT):
+        end = start + part(flat, start, xs, ys, zs)
+        lot_cells(xs, ys, zs, box, low, high, side * cell / 2, 1.0 / cell, side, ground[start:end])
+        lot_cells(xs, ys, zs, box, low, high, extent, image_scale, image_side, image[start:end])
+
+
+@njit(cache=True, nogil=True)
+def keep_above(flat, ground, floor, clearance, kept):
+    """Copy the points more than ``clearance`` above the floor of their ground cell to the front
+    of ``kept`` (n + 1, 3); their number."""
+    count = 0
+    for k in range(ground.shape[0]):
+        kept[count, 0], kept[count, 1] = flat[3 * k], flat[3 * k + 1]
+        kept[count, 2] = flat[3 * k + 2]
+        count += int(flat[3 * k + 2] > floor[ground[k]] + clearance)
+    return count
+
+
+@njit(cache=True, nogil=True)
+def lower(flat, cells, lowest):
+    """Lower ``lowest``, flat, to the smallest z of the points in each cell."""
+    for k in range(cells.shape[0]):
+        z, least = flat[3 * k + 2], lowest[cells[k]]
+        lowest[cells[k]] = z if z < least else least
+
+
+@njit(cache=True, nogil=True)
+def mark_above(flat, ground, image, floor, clearance, out):
+    """Mark in ``out``, flat, the image's cells of points more than ``clearance`` above the floor
+    of their ground cell."""
+    for k in range(ground.shape[0]):
+        out[image[k]] |= np.uint8(flat[3 * k + 2] > floor[ground[k]] + clearance)
+
+
+@njit(cache=True, nogil=True)
+def minimum_filter(image, window):
+    """Smallest value in the ``window`` x ``window`` cells around each cell; borders cut it off."""
+    size, reach = image.shape[0], window // 2
+    rows, out = image.copy(), np.empty_like(image)
+    for i in range(size):
+        for m in range(max(0, i - reach), min(size, i + reach + 1)):
+            for j in range(size):
+                rows[i, j] = rows[i, j] if rows[i, j] < image[m, j] else image[m, j]
+        out[i] = rows[i]
+        for shift in range(1, reach + 1):
+            for j in range(size - shift):
+                ahead, behind = rows[i, j + shift], rows[i, j]
+                out[i, j] = out[i, j] if out[i, j] < ahead else ahead
+                out[i, j + shift] = out[i, j + shift] if out[i, j + shift] < behind else behind
+    return out

@@ -1,0 +1,143 @@
+"""Results as tables, one a test region: for the terminal (rich) and for documents (Markdown)."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+from rich.console import Group
+
+from deepring.errors import DeepringError
+from deepring.evaluation.metrics import Over
+from deepring.evaluation.results import Result
+from deepring.reports import table as grid
+from deepring.reports.table import NONE, Cell, Grid, best_bold
+
+
+@dataclass(frozen=True)
+class _Column:
+    """A header, the shown text of a row's number, and which number is the best (or None)."""
+
+    header: str
+    text: Callable[[Result], str]
+    best: Callable[[Iterable[float]], float] | None = None
+
+
+def render(results: Sequence[Result], radius: float = 10.0, over: Over = "answerable") -> Group:
+    """Terminal tables of all results at one radius, one a test region, the best in bold.
+
+    Args:
+        results: of any methods, datasets and radii.
+        radius: metres; only results at this radius are shown.
+        over: Recall@K as the share of the answerable queries, or of all. F1 and AUC do not
+            depend on it.
+
+    Raises:
+        DeepringError: no result at this radius, or an unknown ``over``.
+    """
+    return grid.terminal(_headline(results, radius, over))
+
+
+def markdown(results: Sequence[Result], radius: float = 10.0, over: Over = "answerable") -> str:
+    """``render`` as Markdown, which ends in a newline."""
+    return grid.markdown(_headline(results, radius, over))
+
+
+def render_radii(results: Sequence[Result], over: Over = "answerable") -> Group:
+    """Terminal tables of Recall@1, radii side by side; arguments and errors as ``render``.
+
+    Where a method has several results at one radius, the last one is shown.
+    """
+    return grid.terminal(_side_by_side(results, over))
+
+
+def markdown_radii(results: Sequence[Result], over: Over = "answerable") -> str:
+    """``render_radii`` as Markdown, which ends in a newline."""
+    return grid.markdown(_side_by_side(results, over))
+
+
+def recall(result: Result, k: int, over: Over) -> float:
+    """Recall@1 or Recall@5 of a result over the answerable queries, or over all of them.
+
+    Only answerable queries can be answered, so that the two differ by the share of these.
+    """
+    if over not in ("answerable", "all"):
+        raise DeepringError(f"over {over!r}: expected 'answerable' or 'all'")
+    if k not in (1, 5):
+        raise DeepringError(f"k {k}: a result holds Recall@1 and Recall@5; expected 1 or 5")
+    value = result.recall_1 if k == 1 else result.recall_5
+    return value if over == "answerable" else value * result.answerable / max(result.queries, 1)
+
+
+def _headline(results: Sequence[Result], radius: float, over: Over) -> list[Grid]:
+    shown = [result for result in results if math.isclose(result.radius_m, radius)]
+    if not shown:
+        known = ", ".join(f"{r:g}" for r in sorted({result.radius_m for result in results}))
+        raise DeepringError(
+            f"radius {radius:g} m: no result at this radius; expected one of: {known or 'none'}; "
+            "choose one, or evaluate at this radius"
+        )
+    columns = [
+        *_NAMES,
+        _Column("answerable", lambda result: f"{result.answerable}/{result.queries}"),
+        _Column("R@1", lambda result: _rate(recall(result, 1, over)), max),
+        _Column("R@5", lambda result: _rate(recall(result, 5, over)), max),
+        _Column("max F1", lambda result: _rate(result.f1_max), max),
+        _Column("AUC", lambda result: _rate(result.auc), max),
+        _Column("ms/scan", lambda result: _milliseconds(result.seconds_per_scan), min),
+        _Column("ms/query", lambda result: _milliseconds(result.seconds_per_query), min),
+    ]
+    return _grids(f"right within {radius:g} m, recall over {over} queries", columns, shown)
+
+
+def _side_by_side(results: Sequence[Result], over: Over) -> list[Grid]:
+    if not results:
+        raise DeepringError("results: none given; expected at least one; run an evaluation first")
+    rows: dict[tuple[str, ...], dict[float, Result]] = {}
+    for result in results:
+        key = (result.method, result.train, result.test, result.region)
+        rows.setdefault(key, {})[result.radius_m] = result
+    radii = sorted({result.radius_m for result in results})
+
+    def at(radius: float) -> Callable[[Result], str]:
+        def text(row: Result) -> str:
+            found = rows[row.method, row.train, row.test, row.region].get(radius)
+            return _rate(recall(found, 1, over)) if found else NONE
+
+        return text
+
+    columns = [*_NAMES, *(_Column(f"{radius:g} m", at(radius), max) for radius in radii)]
+    one_a_row = [next(iter(row.values())) for row in rows.values()]
+    return _grids(f"Recall@1 over {over} queries, right within", columns, one_a_row)
+
+
+def _grids(what: str, columns: Sequence[_Column], results: Sequence[Result]) -> list[Grid]:
+    """A grid for each test region, in the order in which they come."""
+    groups: dict[str, list[Result]] = {}
+    for result in results:
+        groups.setdefault(f"{result.test} {result.region}".strip(), []).append(result)
+    headers = [column.header for column in columns]
+    return [
+        Grid(f"{place}: {what}", headers, _cells(group, columns), len(_NAMES))
+        for place, group in groups.items()
+    ]
+
+
+def _cells(group: Sequence[Result], columns: Sequence[_Column]) -> list[list[Cell]]:
+    by_column = [
+        best_bold([column.text(result) for result in group], column.best) for column in columns
+    ]
+    return [list(row) for row in zip(*by_column, strict=True)]
+
+
+def _rate(value: float) -> str:
+    return f"{value:.3f}"
+
+
+def _milliseconds(seconds: float) -> str:
+    return f"{float(f'{seconds * 1e3:.3g}'):g}"  # three digits that count, no exponent
+
+
+_NAMES = (
+    _Column("method", lambda result: result.method),
+    _Column("trained on", lambda result: result.train or NONE),
+)

@@ -1,0 +1,61 @@
+"""One look for all figures: colours, type, axes, and writing them to disk.
+
+Figures are matplotlib ``Figure`` objects on the Agg canvas. Nothing here opens a window or holds
+global state, so that they work on machines without a display and in several threads.
+"""
+
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from deepring.io.files import replacing
+
+#: Okabe and Ito's colours, told apart with any common colour blindness; the faint yellow left out.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4D4D4D")
+LINES = ("-", "--", ":")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+
+HIT, MISS, UNANSWERABLE, DATABASE = "#009E73", "#D55E00", "#6A88A8", "#C4C4C4"
+INK, FAINT = "#262626", "#D9D9D9"
+
+TITLE_SIZE, LABEL_SIZE, SMALL_SIZE = 12.0, 10.5, 9.0  # points
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Empty white figure of this size in inches, which lays itself out when drawn."""
+    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def series(index: int) -> tuple[str, str, str]:
+    """Colour, line style and marker of the ``index``-th series, told apart without colour too."""
+    return (
+        PALETTE[index % len(PALETTE)],
+        LINES[index // len(PALETTE) % len(LINES)],
+        MARKERS[index % len(MARKERS)],
+    )
+
+
+def dress(axes: Axes, title: str, across: str, up: str, *, grid: bool = True) -> None:
+    """Title and labels, light ticks, and no frame but the left and lower edge."""
+    axes.set_title(title, fontsize=TITLE_SIZE, color=INK, loc="left", pad=9)
+    axes.set_xlabel(across, fontsize=LABEL_SIZE, color=INK)
+    axes.set_ylabel(up, fontsize=LABEL_SIZE, color=INK)
+    axes.tick_params(labelsize=SMALL_SIZE, colors=INK, color=FAINT, length=3)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color("#8C8C8C")
+    if grid:
+        axes.grid(color=FAINT, linewidth=0.6)
+        axes.set_axisbelow(True)
+
+
+def save(figure: Figure, path: str | Path, dpi: float = 150.0) -> None:
+    """Write a PNG, creating folders; the file is replaced in one step, never seen half-written.
+
+    Raises DeepringError where the file cannot be written.
+    """
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=dpi)

@@ -1,0 +1,115 @@
+"""Where on the drive a method finds its place, and where it does not."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike, NDArray
+
+from deepring.errors import DeepringError
+from deepring.reports.style import (
+    DATABASE,
+    HIT,
+    MISS,
+    SMALL_SIZE,
+    UNANSWERABLE,
+    dress,
+    new_figure,
+)
+
+_FAR = 10_000.0  # metres; positions beyond it, such as UTM, are drawn relative to a round number
+
+
+def trajectory_figure(
+    database: ArrayLike,
+    queries: ArrayLike,
+    right: ArrayLike,
+    answerable: ArrayLike,
+    title: str = "",
+    labels: tuple[str, str] = ("x", "y"),
+) -> Figure:
+    """Map of a drive from above: database places, and each query as hit, miss or unanswerable.
+
+    Args:
+        database: (d, 2) metres, across and up.
+        queries: (q, 2) metres, in the same frame.
+        right: (q,) bool, the top-1 place lies within the radius.
+        answerable: (q,) bool, some database place does.
+        title: such as the method and the radius.
+        labels: of the two axes; pass ("easting", "northing") for UTM.
+
+    Raises:
+        DeepringError: shapes that do not fit, no query, or positions that are not finite.
+    """
+    database, queries = _positions("database", database), _positions("queries", queries)
+    right, answerable = np.asarray(right, bool), np.asarray(answerable, bool)
+    if not len(queries) or right.shape != (len(queries),) or answerable.shape != right.shape:
+        raise DeepringError(
+            f"queries {queries.shape}, right {right.shape}, answerable {answerable.shape}: "
+            "expected (q, 2), (q,) and (q,) with q >= 1"
+        )
+    offset = _offset(np.concatenate([database, queries]))
+    width, height = _size(np.ptp(np.concatenate([database, queries]), axis=0))
+    figure = new_figure(width, height)
+    axes = figure.add_subplot()
+    _draw_places(axes, database - offset)
+    _draw_queries(axes, queries - offset, right, answerable)
+    across, up = (_axis_label(*pair) for pair in zip(labels, offset, strict=True))
+    dress(axes, title, across, up)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.xaxis.set_major_locator(MaxNLocator(7))
+    axes.yaxis.set_major_locator(MaxNLocator(7))
+    figure.legend(loc="outside lower center", ncols=4, fontsize=SMALL_SIZE, frameon=False)
+    return figure
+
+
+def _draw_places(axes: Axes, places: NDArray[np.float64]) -> None:
+    x, y = places.T
+    axes.scatter(x, y, s=30, color=DATABASE, linewidths=0, label=f"map ({len(places)})")
+
+
+def _draw_queries(
+    axes: Axes,
+    queries: NDArray[np.float64],
+    right: NDArray[np.bool_],
+    answerable: NDArray[np.bool_],
+) -> None:
+    """Misses last, as crosses: they are what one looks for, and not told by colour alone."""
+    kinds = (
+        ("no place in reach", ~answerable, ".", UNANSWERABLE, 34, 0.0),
+        ("hit", answerable & right, ".", HIT, 34, 0.0),
+        ("miss", answerable & ~right, "x", MISS, 30, 1.6),
+    )
+    for name, of_kind, marker, colour, size, width in kinds:
+        label = f"{name} ({np.count_nonzero(of_kind)})"
+        x, y = queries[of_kind].T
+        axes.scatter(x, y, s=size, marker=marker, color=colour, linewidths=width, label=label)
+
+
+def _positions(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    positions = np.asarray(values, dtype=np.float64)
+    if positions.ndim != 2 or positions.shape[1] != 2 or not np.isfinite(positions).all():
+        raise DeepringError(
+            f"{name}: shape {positions.shape}, {np.count_nonzero(~np.isfinite(positions))} not "
+            "finite; expected finite metres of shape (n, 2)"
+        )
+    return positions
+
+
+def _offset(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The kilometre below the smallest coordinate, on axes that lie far from the origin."""
+    lowest = positions.min(axis=0)
+    return np.where(np.abs(lowest) < _FAR, 0.0, np.floor(lowest / 1000) * 1000)
+
+
+def _axis_label(name: str, offset: float) -> str:
+    if not offset:
+        return f"{name} (m)"
+    return f"{name} {'−' if offset > 0 else '+'} {abs(offset):,.0f} (m)".replace(",", " ")
+
+
+def _size(extent: NDArray[np.float64]) -> tuple[float, float]:
+    """Inches, 6.4 wide or less: the drive's own shape, with room for title and legend."""
+    shape = float(np.clip(extent[1] / max(extent[0], 1e-9), 0.35, 1.6))
+    width = 6.4 if shape <= 1 else 5.4
+    return width, min(width * shape, 6.4) + 1.1

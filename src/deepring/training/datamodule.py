@@ -1,0 +1,114 @@
+"""Batches to train on and retrieval sets to validate on, as a LightningDataModule."""
+
+import logging
+from collections.abc import Sequence
+from typing import Any, NamedTuple, cast
+
+import lightning as L
+import torch
+from torch.utils.data import DataLoader, Dataset
+
+from deepring.data.cache import RasterCache, load_rasters
+from deepring.data.dataset import PlaceDataset, distances_between
+from deepring.rasters.kinds import Raster
+from deepring.training.episodes import EpisodeOrder
+from deepring.training.training_scans import Drawing, Part, join
+
+log = logging.getLogger(__name__)
+
+
+class RetrievalBatch(NamedTuple):
+    """One validation set as a batch."""
+
+    database: torch.Tensor
+    """(d, *raster.shape)."""
+    query: torch.Tensor
+    """(q, *raster.shape)."""
+    distances: torch.Tensor
+    """(q, d) float32 metres between the positions."""
+
+
+class PlaceDataModule(L.LightningDataModule):
+    """Training batches from the training regions of one or several datasets.
+
+    Args:
+        datasets: what to train on; each gives a validation set unless its share is 0.
+        raster: the image of a scan that the method takes.
+        drawing: how batches are drawn, such as `EpisodeSettings`.
+        cache: where rasters are kept.
+        seed: of the batches.
+        workers: processes that draw them; 0 draws them in the training process.
+    """
+
+    def __init__(
+        self,
+        datasets: Sequence[PlaceDataset],
+        raster: Raster,
+        drawing: Drawing,
+        cache: RasterCache,
+        seed: int = 0,
+        workers: int = 0,
+    ) -> None:
+        super().__init__()
+        self.datasets, self.raster, self.drawing = datasets, raster, drawing
+        self.cache, self.seed, self.workers = cache, seed, workers
+        self.validation: dict[str, RetrievalBatch] = {}
+
+    def prepare_data(self) -> None:
+        """Fill the cache, in one process of a node."""
+        for dataset in self.datasets:
+            for scans in dataset.training():
+                what = f"{dataset.name} {scans.session.name}: training scans"
+                load_rasters(self.cache, scans, self.raster, what)
+
+    def setup(self, stage: str) -> None:
+        """Load what the training regions hold. Raises DeepringError where it is too little."""
+        if stage != "fit":
+            return
+        parts = []
+        for number, dataset in enumerate(self.datasets):
+            for scans in dataset.training():
+                kept, rasters, _ = self.cache.load(scans, self.raster)
+                parts.append(Part(number, dataset.database.positions[0], kept, rasters))
+        self.pool = join(parts)
+        log.info("training pool: %d scans", len(self.pool))
+        self.train_set = self.drawing.training_set(self.pool, self.seed)
+        self.validation = {
+            dataset.name: self._validation_batch(dataset)
+            for dataset in self.datasets
+            if dataset.has_validation
+        }
+
+    def _validation_batch(self, dataset: PlaceDataset) -> RetrievalBatch:
+        split = dataset.retrieval("validation")
+        database, d = load_rasters(
+            self.cache, split.database, self.raster, f"{dataset.name}: validation database"
+        )
+        query, q = load_rasters(
+            self.cache, split.query, self.raster, f"{dataset.name}: validation queries"
+        )
+        everything = slice(None)
+        return RetrievalBatch(
+            d[everything], q[everything], distances_between(query.positions, database)
+        )
+
+    def train_dataloader(self) -> DataLoader[Any]:
+        """Batches of an epoch; each distributed process takes its own."""
+        rank, world = (
+            (self.trainer.global_rank, self.trainer.world_size) if self.trainer else (0, 1)
+        )
+        order = EpisodeOrder(len(self.train_set), rank, world)
+        return DataLoader(
+            cast("Dataset[Any]", self.train_set),
+            batch_size=None,
+            sampler=order,
+            # Workers start anew each epoch, and so see what the set has learnt meanwhile.
+            num_workers=self.workers,
+        )
+
+    def val_dataloader(self) -> list[DataLoader[RetrievalBatch]]:
+        """One loader a validation set, each of one batch; `validation` holds their names."""
+        return [
+            DataLoader([batch], batch_size=None)  # type: ignore[arg-type]
+            for batch in self.validation.values()
+        ]

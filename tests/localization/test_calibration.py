@@ -1,0 +1,96 @@
+"""Thresholds of trust: the most right locations at a precision, by brute force and by example."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_map import small_network
+
+from deepring.core.rigid import pose_from, rotation_from_rpy, turn_points
+from deepring.data.readers.nclt import open_nclt
+from deepring.errors import DeepringError
+from deepring.localization.calibration import FITS, Right, Trials, calibrate, join, outcome, try_out
+from deepring.localization.candidates import RerankSettings
+from deepring.localization.map import Map, Trust
+
+
+def trials(fit, ratio, right, nearest=0.0):
+    right = np.asarray(right)
+    return Trials(
+        np.asarray(fit, float),
+        np.asarray(ratio, float),
+        np.where(right, 0.5, 30.0),
+        np.zeros(len(right)),
+        np.broadcast_to(np.asarray(nearest, float), len(right)),
+    )
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=st.integers(0, 10**6), precision=st.sampled_from([0.5, 0.8, 0.95]))
+def test_no_thresholds_trust_more_right_ones_at_this_precision(seed, precision):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(3, 60))
+    # Few different ratios: equal ones have to be taken together.
+    some = trials(rng.uniform(0, 0.6, n), rng.integers(1, 8, n) / 2, rng.random(n) < 0.8)
+    right = some.right(Right())
+    most = 0
+    for fit in FITS:
+        for ratio in np.unique(some.ratio):
+            chosen = (some.fit >= fit) & (some.ratio >= ratio)
+            good = int((chosen & right).sum())
+            if good >= precision * (chosen.sum() + 1):
+                most = max(most, good)
+    if most == 0:
+        with pytest.raises(DeepringError, match="reached by no thresholds"):
+            calibrate(some, precision)
+        return
+    found = calibrate(some, precision)
+    chosen = some.trusted(found.trust)
+    assert int((chosen & right).sum()) == most
+    assert found.trusted == chosen.sum()
+    assert found.precision == most / chosen.sum() >= precision
+
+
+def test_a_few_right_ones_do_not_make_a_high_precision():
+    with pytest.raises(DeepringError, match="take more scans"):
+        calibrate(trials([0.5] * 90, [2.0] * 90, [True] * 90), 0.99)
+    assert calibrate(trials([0.5] * 99, [2.0] * 99, [True] * 99), 0.99).precision == 1.0
+
+
+def test_right_means_both_position_and_heading():
+    some = Trials(*np.array([[0.5] * 3, [2.0] * 3, [1.9, 2.1, 1.9], [4.9, 0, 5.1], [0, 0, 0.0]]))
+    assert some.right(Right()).tolist() == [True, False, False]
+    assert some.right(Right(metres=3)).tolist() == [True, True, False]
+
+
+def test_recall_counts_the_scans_near_the_map_alone():
+    some = trials([0.5, 0.5, 0.1, 0.5], [2, 2, 2, 2], [True, True, True, False], [0, 5, 5, 90])
+    found = outcome(some, Trust(0.2, 1.5))
+    assert found.precision == pytest.approx(2 / 3)
+    assert found.recall == pytest.approx(2 / 3)
+
+
+@pytest.mark.parametrize("precision", [0.0, 1.0, -1, math.nan])
+def test_a_precision_is_a_share(precision):
+    with pytest.raises(DeepringError, match="precision"):
+        calibrate(trials([0.5], [2], [True]), precision)
+
+
+def test_trials_of_a_drive_and_its_own_map(tiny_nclt):
+    first, second = (open_nclt(tiny_nclt, date) for date in ("2031-02-04", "2031-03-17"))
+    # The network is not trained: what it takes for alike is little better than chance.
+    held = Map.build(first, small_network(), 5.0, rerank=RerankSettings(candidates=100))
+    scans = [(second.points(k), second.poses[k]) for k in range(0, len(second), 8)]
+    whole = try_out(held, scans)
+    parts = join([try_out(held, scans[:2]), try_out(held, scans[2:])])
+    for one, other in zip(whole, parts, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert whole.right(Right()).all()
+    assert (whole.nearest < 10).all()
+    # Points that are turned by +turn are those of a sensor that looks -turn away.
+    for sign, right in ((-1, True), (1, False)):
+        turn = pose_from(rotation_from_rpy(0, 0, sign * 0.5), np.zeros(3))
+        moved = [(turn_points(p, 0.5), pose @ turn) for p, pose in scans[:3]]
+        assert try_out(held, moved).right(Right()).all() == right

@@ -1,0 +1,126 @@
+"""Candidates aligned and chosen from: by distance without poses, by location with them."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from deepring.errors import DeepringError
+from deepring.localization.alignment import Alignment
+from deepring.localization.candidates import (
+    Candidates,
+    RerankSettings,
+    align_candidates,
+    by_location,
+    by_pose,
+    expect_rerank,
+    spread_out,
+    world_positions,
+)
+from deepring.rasters.bev import bev_occupancy
+from helpers.scenes import scattered
+
+SETTINGS = RerankSettings()
+
+
+def street(seed=0, length=8):
+    """Scenes side by side along x, 40 m apart, in one world: (n, 3) float32."""
+    scenes = [scattered(seed + k, n=2000) + np.array([40.0 * k, 0, 0]) for k in range(length)]
+    return np.concatenate(scenes).astype(np.float32)
+
+
+def seen_from(world, x, y, heading):
+    moved = world - np.array([x, y, 0], np.float32)
+    c, s = math.cos(heading), math.sin(heading)
+    turned = np.column_stack([moved @ [c, s, 0], moved @ [-s, c, 0], moved[:, 2]])
+    return torch.from_numpy(bev_occupancy(turned.astype(np.float32)))
+
+
+@pytest.fixture(scope="module")
+def drive():
+    """Map scans every 20 m with headings of their own, and a query 6 m beyond one of them."""
+    world = street()
+    poses = torch.tensor([[20.0 * k, 0.0, 0.3 * k] for k in range(2, 10)], dtype=torch.float64)
+    maps = torch.stack([seen_from(world, *pose.tolist()) for pose in poses])
+    at = (126.0, 3.0, 2.0)  # nearest: place 4, at x = 120
+    yaw = torch.tensor([float(pose[2]) - at[2] for pose in poses])
+    return seen_from(world, *at), maps, poses, yaw, at
+
+
+def test_the_query_is_located_and_its_nearest_place_comes_first(drive):
+    image, maps, poses, yaw, at = drive
+    shuffled = torch.tensor([7, 3, 5, 4, 1, 0, 2, 6])
+    candidates = align_candidates(image, shuffled, yaw[shuffled], maps[shuffled], SETTINGS)
+    located = by_location(candidates, poses[shuffled], SETTINGS)
+    assert np.hypot(*(located.position.numpy() - at[:2])) < 1.0
+    assert located.fit == pytest.approx(float(candidates.aligned.score.max()))
+    assert located.ratio > 1.3
+    assert int(shuffled[by_pose(candidates, SETTINGS)[0]]) == 4
+    # The misreading: map's turn taken for its opposite puts the query elsewhere.
+    mirrored = poses[shuffled] * torch.tensor([1.0, 1.0, -1.0])
+    wrong = by_location(candidates, mirrored, SETTINGS)
+    assert np.hypot(*(wrong.position.numpy() - at[:2])) > 2
+
+
+def test_without_yaws_the_whole_turn_is_tried(drive):
+    image, maps, _, yaw, _ = drive
+    some = torch.tensor([3, 4])
+    candidates = align_candidates(image, some, None, maps[some], SETTINGS)
+    known = align_candidates(image, some, yaw[some], maps[some], SETTINGS)
+    apart = torch.remainder(candidates.aligned.yaw - known.aligned.yaw + 3, 2 * math.pi) - 3
+    assert apart.abs().max() < math.radians(2)
+    assert torch.allclose(candidates.aligned.position, known.aligned.position, atol=0.7)
+
+
+def made_up(score, positions):
+    n = len(score)
+    aligned = Alignment(torch.tensor(score), torch.zeros(n), torch.tensor(positions))
+    return Candidates(torch.arange(n), aligned)
+
+
+def test_of_candidates_that_fit_the_nearest_is_taken():
+    candidates = made_up([0.9, 0.7, 0.3, 0.5], [[9.0, 9.0], [3.0, 4.0], [0.0, 0.0], [1.0, 0.0]])
+    # 0.3 and 0.5 lie below 0.65 of the best; alone the fit decides among them.
+    assert by_pose(candidates, SETTINGS).tolist() == [1, 0, 3, 2]
+
+
+def test_the_ratio_counts_rivals_that_contradict_alone():
+    poses = torch.tensor([[0.0, 0.0, 0.0], [20.0, 0.0, math.pi / 2], [90.0, 0.0, 0.0]])
+    candidates = made_up([0.6, 0.5, 0.3], [[10.0, 5.0], [5.0, 10.0], [0.0, 0.0]])
+    located = by_location(candidates, poses, SETTINGS)
+    assert torch.allclose(
+        world_positions(candidates.aligned.position, poses)[1].float(), torch.tensor([10.0, 5.0])
+    )
+    assert located.candidate == 0
+    assert located.ratio == pytest.approx(2.0)
+    alone = by_location(made_up([0.6], [[1.0, 2.0]]), poses[:1], SETTINGS)
+    assert alone.ratio == math.inf
+
+
+def test_mistakes_are_named():
+    with pytest.raises(DeepringError, match=r"rerank\.candidates: 0"):
+        RerankSettings(candidates=0)
+    with pytest.raises(DeepringError, match="rerank: 'none'"):
+        expect_rerank("rerank", "none")
+
+
+def test_candidates_of_a_dense_map_lie_apart():
+    rng = torch.Generator().manual_seed(0)
+    positions = torch.rand(200, 2, generator=rng, dtype=torch.float64) * 40
+    taken = spread_out(positions, RerankSettings(candidates=12, spread=5.0))
+    assert len(taken) == 12
+    assert taken[0] == 0
+    assert (taken.diff() > 0).all()  # better ones first
+    chosen = positions[taken]
+    assert (torch.cdist(chosen, chosen) + 99 * torch.eye(12) >= 5.0).all()
+    # Whatever was passed over lies close to a better one that was taken.
+    for k in set(range(int(taken[-1]))) - set(taken.tolist()):
+        better = chosen[taken < k]
+        assert torch.linalg.vector_norm(better - positions[k], dim=1).min() < 5.0
+
+
+def test_without_a_spread_the_best_are_taken_and_a_short_list_is_no_error():
+    positions = torch.zeros(30, 2)
+    assert spread_out(positions, RerankSettings(candidates=7, spread=0.0)).tolist() == [*range(7)]
+    assert spread_out(positions, RerankSettings(candidates=7)).tolist() == [0]

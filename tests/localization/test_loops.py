@@ -1,0 +1,168 @@
+"""Loops of a drive that comes back: found among the past alone, and written as others read."""
+
+import json
+import math
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from test_map import small_network
+
+from deepring.cli.loops_command import _parser
+from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
+from deepring.data.readers.nclt import open_nclt
+from deepring.data.session import Session
+from deepring.errors import DeepringError
+from deepring.localization.candidates import RerankSettings
+from deepring.localization.graph_files import g2o_lines, json_text, tum_lines
+from deepring.localization.loops import LOOP_TRUST, Loop, LoopGraph, LoopSettings, find_loops
+from deepring.localization.map import Map, Trust
+from deepring.localization.refinement import RefinementSettings
+
+SETTINGS = LoopSettings(spacing=10.0, recent=40.0)
+
+
+def empty_map():
+    return Map(small_network(), rerank=RerankSettings(candidates=30))
+
+
+@pytest.fixture(scope="module")
+def there_and_back(tiny_nclt):
+    """Both drives over the same streets as one: the second comes back to the first."""
+    drives = [open_nclt(tiny_nclt, date) for date in ("2031-02-04", "2031-03-17")]
+    files = tuple(file for drive in drives for file in drive.files)
+    join = lambda name: np.concatenate([getattr(drive, name) for drive in drives])  # noqa: E731
+    return Session(
+        "both", files, join("poses"), join("ground_truth"), join("stamps"), drives[0].read
+    )
+
+
+@pytest.fixture(scope="module")
+def graph(there_and_back):
+    return find_loops(there_and_back, empty_map(), SETTINGS)
+
+
+def test_loops_are_true_and_go_back_far_enough(graph, there_and_back):
+    assert len(graph.loops) >= 5
+    steps = np.linalg.norm(np.diff(there_and_back.positions, axis=0), axis=1)
+    driven = np.concatenate([[0], np.cumsum(steps)])[graph.scans]
+    good = 0
+    for loop in graph.loops:
+        assert driven[loop.keyframe] - driven[loop.earlier] >= 40.0
+        truth = np.linalg.inv(graph.poses[loop.earlier]) @ graph.poses[loop.keyframe]
+        off = (loop.yaw - float(yaw_of(truth)) + math.pi) % (2 * math.pi) - math.pi
+        good += np.hypot(loop.x - truth[0, 3], loop.y - truth[1, 3]) < 2 and abs(off) < 0.1
+    assert good >= 0.9 * len(graph.loops)
+
+
+def errors_of(graph):
+    """Metres and radians (n, 2) that loops are off."""
+    rows = []
+    for loop in graph.loops:
+        truth = np.linalg.inv(graph.poses[loop.earlier]) @ graph.poses[loop.keyframe]
+        off = (loop.yaw - float(yaw_of(truth)) + math.pi) % (2 * math.pi) - math.pi
+        rows.append((np.hypot(loop.x - truth[0, 3], loop.y - truth[1, 3]), abs(off)))
+    return np.array(rows)
+
+
+def test_the_command_asks_more_of_loops_than_of_locations():
+    asked = _parser().parse_args(["folder", "-o", "out"])
+    assert Trust(asked.fit, asked.ratio) == LOOP_TRUST
+    assert LOOP_TRUST.fit > Trust().fit
+
+
+def test_refined_loops_are_nearer_to_the_truth(graph, there_and_back):
+    settings = replace(SETTINGS, refinement=RefinementSettings())
+    refined = find_loops(there_and_back, empty_map(), settings)
+    pairs = [[(loop.keyframe, loop.earlier) for loop in g.loops] for g in (graph, refined)]
+    assert pairs[0] == pairs[1]
+    done = np.array([loop.refined for loop in refined.loops])
+    assert done.mean() >= 0.8
+    before, after = np.median(errors_of(graph)[done], 0), np.median(errors_of(refined)[done], 0)
+    assert (after < 0.5 * before).all()
+    assert all(
+        loop.inliers is not None and -math.pi <= loop.yaw <= math.pi for loop in refined.loops
+    )
+    unmoved = np.flatnonzero(~done)
+    assert all(refined.loops[k].x == pytest.approx(graph.loops[k].x) for k in unmoved)
+    assert not any(loop.refined or loop.inliers for loop in graph.loops)
+
+
+def test_refinement_asks_for_its_library_at_once(there_and_back, monkeypatch):
+    monkeypatch.setitem(sys.modules, "small_gicp", None)
+    settings = replace(SETTINGS, refinement=RefinementSettings())
+    with pytest.raises(DeepringError, match=r"pip install 'deepring\[refine\]'"):
+        find_loops(there_and_back, empty_map(), settings)
+
+
+def test_the_future_takes_no_part(there_and_back, graph):
+    n = 2 * len(there_and_back.files) // 3
+    first = Session(
+        "part",
+        there_and_back.files[:n],
+        there_and_back.poses[:n],
+        there_and_back.ground_truth[:n],
+        None,
+        there_and_back.read,
+    )
+    found = find_loops(first, empty_map(), SETTINGS)
+    pairs = [(loop.keyframe, loop.earlier) for loop in found.loops]
+    assert pairs == [
+        (loop.keyframe, loop.earlier) for loop in graph.loops if loop.keyframe < len(found.scans)
+    ]
+
+
+@pytest.fixture
+def square():
+    """Four keyframes around a square, and a loop from the last to the first."""
+    yaws = np.arange(4) * math.pi / 2
+    places = np.array([[0, 0, 1], [10, 0, 1], [10, 10, 1], [0, 10, 1]], float)
+    poses = pose_from(rotation_from_rpy(0, 0, yaws), places)
+    loop = Loop(3, 0, 0.5, 10.0, -math.pi / 2, 0.4, math.inf)
+    stamps = np.arange(4) * 1_500_000_000
+    return LoopGraph(np.array([0, 5, 9, 12]), poses, stamps, [loop])
+
+
+def test_g2o_states_the_second_in_the_frame_of_the_first(square):
+    lines = [line.split() for line in g2o_lines(square)]
+    assert [line[0] for line in lines] == ["VERTEX_SE2"] * 4 + ["EDGE_SE2"] * 4
+    poses = {int(line[1]): np.array(line[2:], float) for line in lines[:4]}
+    for line in lines[4:7]:
+        first, second = int(line[1]), int(line[2])
+        x, y, yaw = map(float, line[3:6])
+        x0, y0, yaw0 = poses[first]
+        c, s = math.cos(yaw0), math.sin(yaw0)
+        reached = [x0 + c * x - s * y, y0 + s * x + c * y]
+        assert np.allclose(reached, poses[second][:2], atol=1e-5)
+        assert math.cos(yaw0 + yaw - poses[second][2]) == pytest.approx(1)
+    assert lines[7][1:6] == ["0", "3", "0.500000", "10.000000", f"{-math.pi / 2:.8f}"]
+    information = np.array(lines[7][6:], float)
+    assert (information[[0, 3, 5]] > 0).all()
+    assert len(information) == 6
+
+
+def test_tum_has_seconds_and_quaternions(square):
+    rows = np.array([line.split() for line in tum_lines(square)], float)
+    assert np.allclose(rows[:, 0], [0, 1.5, 3.0, 4.5])
+    assert np.allclose(rows[:, 1:4], square.poses[:, :3, 3])
+    assert np.allclose(Rotation.from_quat(rows[:, 4:]).as_matrix(), square.poses[:, :3, :3])
+    unstamped = LoopGraph(square.scans, square.poses, None, [])
+    assert [line.split()[0] for line in tum_lines(unstamped)][1] == "1.000000000"
+
+
+def test_json_names_scans_and_knows_no_infinity(square):
+    read = json.loads(json_text(square))
+    assert read["scans"] == [0, 5, 9, 12]
+    assert read["loops"][0]["keyframe"] == 3
+    assert read["loops"][0]["ratio"] is None
+
+
+def test_mistakes_are_named(there_and_back):
+    with pytest.raises(DeepringError, match=r"loops\.recent: 0"):
+        LoopSettings(recent=0)
+    filled = Map(small_network())
+    filled.add([there_and_back.points(0)], there_and_back.poses[:1], ["a"])
+    with pytest.raises(DeepringError, match="holds 1 places, expected none"):
+        find_loops(there_and_back, filled, LoopSettings())

@@ -1,0 +1,81 @@
+"""The exported network gives what the network gives, for any batch, and says what made it."""
+
+import json
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+import torch
+
+from deepring.errors import DeepringError
+from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.onnx_file import RealDeepRing, export_onnx
+from deepring.methods.portable import make_network
+from deepring.rasters.kinds import BevRaster, PolarRaster, raster_settings
+
+
+def network(cells=40, **settings):
+    torch.manual_seed(0)
+    raster = raster_settings(BevRaster(cells=cells))
+    values = {"angles": 40, "bins": 40, "widths": (4, 8), "convolutions": 1, **settings}
+    made = DeepRing(DeepRingSettings(raster, **values))
+    made.train()
+    for _ in range(3):  # statistics of the norms that are not those of the start
+        made(images(8, cells).float())
+    return made.eval()
+
+
+def images(n, cells=40, seed=0):
+    raster = BevRaster(cells=cells)
+    rng = np.random.default_rng(seed)
+    scans = [rng.normal(0, 30, (400, 3)).astype(np.float32) for _ in range(n)]
+    return torch.from_numpy(np.stack([raster(scan, -9.0) for scan in scans]))
+
+
+@pytest.mark.parametrize(
+    "settings", [{}, {"pool": 2}, {"bins": 60, "angles": 20}, {"norm": "group"}, {"stem": 2}]
+)
+def test_real_arithmetic_is_the_network(settings):
+    made = network(**settings)
+    seen = images(5)
+    with torch.no_grad():
+        assert torch.allclose(RealDeepRing(made)(seen.float()), made.describe(seen), atol=1e-5)
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    made = network(pool=2)
+    path = tmp_path_factory.mktemp("onnx") / "network.onnx"
+    export_onnx(made, path)
+    return made, path
+
+
+@pytest.mark.parametrize("batch", [1, 2, 7])
+def test_onnxruntime_agrees_with_the_network(exported, batch):
+    made, path = exported
+    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    seen = images(batch, seed=batch)
+    (found,) = session.run(["descriptors"], {"images": seen.float().numpy()})
+    assert np.abs(found - made.describe(seen).numpy()).max() < 1e-4
+
+
+def test_no_operator_is_complex_and_the_file_says_what_made_it(exported):
+    made, path = exported
+    model = onnx.load(path)
+    assert not {"DFT", "STFT"} & {node.op_type for node in model.graph.node}
+    assert {node.domain for node in model.graph.node} <= {"", "ai.onnx"}
+    described = json.loads(model.metadata_props[0].value)
+    weights = made.state_dict()
+    assert make_network(described, weights).settings == made.settings
+
+
+def test_other_networks_are_refused(tmp_path):
+    for settings in ({"aggregation": "gap"}, {"turn": "half"}, {"normalisation": "none"}):
+        with pytest.raises(DeepringError, match="onnx: a network over BevRaster"):
+            export_onnx(network(**settings), tmp_path / "a.onnx")
+    raster = raster_settings(PolarRaster())
+    polar = DeepRing(DeepRingSettings(raster, angles=None, bins=None, widths=(4,)))
+    with pytest.raises(DeepringError, match="over PolarRaster"):
+        RealDeepRing(polar)
+    assert not list(tmp_path.iterdir())

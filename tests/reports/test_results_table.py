@@ -1,0 +1,128 @@
+"""Tables: what is shown, what is bold, and what is refused."""
+
+import io
+
+import pytest
+from rich.console import Console
+
+from deepring.errors import DeepringError
+from deepring.evaluation.results import Result
+from deepring.reports.results_table import (
+    markdown,
+    markdown_radii,
+    recall,
+    render,
+    render_radii,
+)
+
+
+def result(method, recall_1=0.5, *, train="", test="nclt", radius=10.0, query_s=0.002):
+    rates = (recall_1, 0.9, 0.8, 0.7)
+    return Result(method, train, test, "test", radius, 50, 100, 50, *rates, 0.0123, query_s)
+
+
+def shown(table, *, colour=False, width=120):
+    system = "standard" if colour else None
+    console = Console(file=io.StringIO(), width=width, force_terminal=colour, color_system=system)
+    console.print(table)
+    return console.file.getvalue()
+
+
+def cells(text, method):
+    """Column to cell of a method's row in Markdown."""
+    lines = [line.strip("|").split("|") for line in text.splitlines() if line.startswith("|")]
+    row = next(line for line in lines[2:] if line[0].strip() == method)
+    return {k.strip(): v.strip() for k, v in zip(lines[0], row, strict=True)}
+
+
+def test_the_best_of_each_column_is_bold():
+    text = markdown([result("RING", 0.6), result("DeepRING", 0.9, query_s=0.004)])
+    assert cells(text, "RING")["R@1"] == "0.600"
+    assert cells(text, "DeepRING")["R@1"] == "**0.900**"
+    assert cells(text, "RING")["ms/query"] == "**2**", "the fastest is the best"
+    assert cells(text, "DeepRING")["ms/query"] == "4"
+
+
+def test_equal_to_the_last_digit_shown_is_equally_good():
+    text = markdown([result("a", 0.90001), result("b", 0.9), result("c", 0.5)])
+    assert cells(text, "a")["R@1"] == cells(text, "b")["R@1"] == "**0.900**"
+
+
+def test_only_results_of_one_test_region_compete_and_one_alone_does_not():
+    alone = result("RING", 0.95, test="mulran")
+    text = markdown([result("a", 0.6), alone, result("b", 0.7)])
+    assert cells(text, "b")["R@1"] == "**0.700**"
+    assert cells(text, "RING")["R@1"] == "0.950"
+    first, second = text.index("nclt test:"), text.index("mulran test:")
+    assert first < text.index("| a |") < text.index("| b |") < second < text.index("| RING |")
+
+
+def test_counted_over_all_queries_the_unanswerable_ones_weigh():
+    one = result("RING", 0.8)
+    assert recall(one, 1, "answerable") == 0.8
+    assert recall(one, 1, "all") == 0.4
+    row = cells(markdown([one], over="all"), "RING")
+    assert (row["R@1"], row["R@5"], row["AUC"]) == ("0.400", "0.450", "0.700")
+    assert "recall over all queries" in markdown([one], over="all")
+
+
+def test_render_shows_the_same_numbers_in_the_terminal():
+    results = [result("RING", 0.6), result("DeepRING", 0.9, train="nclt")]
+    plain = shown(render(results))
+    assert "nclt test: right within 10 m, recall over answerable queries" in plain
+    for value in ("RING", "DeepRING", "50/100", "0.600", "0.900", "12.3"):
+        assert value in plain
+    assert "\x1b[1m0.900\x1b[0m" in shown(render(results), colour=True)
+
+
+def test_eighty_columns_are_enough():
+    text = shown(render([result("Scan Context", 0.6, train="simulated")]), width=80)
+    assert "…" not in text
+    for value in ("Context", "simulate", "0.600", "50/100", "12.3", "ms/query"):
+        assert value in text
+
+
+def test_only_the_asked_radius_is_shown():
+    text = markdown([result("near", radius=5.0), result("far", radius=25.0)], radius=25.0)
+    assert "far" in text
+    assert "near" not in text
+
+
+def test_radii_stand_side_by_side():
+    results = [result("RING", r / 40, radius=r) for r in (10.0, 5.0, 25.0)]
+    text = markdown_radii([*results, result("DeepRING", 0.9)])
+    assert text.startswith("nclt test: Recall@1 over answerable queries, right within\n\n|")
+    row = {"method": "RING", "trained on": "-"}
+    assert cells(text, "RING") == {**row, "5 m": "0.125", "10 m": "0.250", "25 m": "0.625"}
+    other = cells(text, "DeepRING")
+    assert (other["5 m"], other["10 m"]) == ("-", "**0.900**")
+    assert "0.625" in shown(render_radii(results))
+    assert cells(markdown_radii(results, over="all"), "RING")["25 m"] == "0.312"
+
+
+def test_names_are_shown_as_they_are():
+    odd = result("ring[bold]|x")
+    assert "ring[bold]|x" in shown(render([odd]))
+    assert r"| ring[bold]\|x |" in markdown([odd])
+
+
+def test_times_have_three_digits_and_no_exponent():
+    assert cells(markdown([result("RING", query_s=12.345)]), "RING")["ms/query"] == "12300"
+    assert cells(markdown([result("RING", query_s=1.2345e-6)]), "RING")["ms/query"] == "0.00123"
+
+
+@pytest.mark.parametrize("table", [render, markdown])
+def test_a_radius_without_results_names_those_there_are(table):
+    with pytest.raises(DeepringError, match=r"radius 7 m: .*expected one of: 5, 10;"):
+        table([result("a"), result("b", radius=5.0)], radius=7.0)
+    with pytest.raises(DeepringError, match="expected one of: none"):
+        table([])
+
+
+def test_other_misuse_is_refused():
+    with pytest.raises(DeepringError, match="over 'some'"):
+        markdown([result("a")], over="some")
+    with pytest.raises(DeepringError, match="k 3"):
+        recall(result("a"), 3, "all")
+    with pytest.raises(DeepringError, match="results: none given"):
+        markdown_radii([])

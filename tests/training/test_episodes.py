@@ -1,0 +1,223 @@
+"""Episodes: the paper's distances hold, and the same seed gives the same episodes anywhere."""
+
+import math
+from itertools import combinations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from torch.utils.data import DataLoader
+
+from deepring.data.cache import Rasters, pack
+from deepring.errors import DeepringError
+from deepring.rasters.kinds import BevRaster
+from deepring.training.episodes import EpisodeDataset, EpisodeOrder, EpisodeSettings, Places
+
+RASTER = BevRaster(cells=8)
+
+
+def one_dataset(positions):
+    return np.zeros(len(positions), dtype=np.int64)
+
+
+def check_episode(scans, positions, dataset, episode):
+    """The paper's rules, pair by pair."""
+    assert scans.shape == (episode.ways, episode.shots + episode.queries)
+    assert len(set(scans.ravel())) == scans.size
+    for row in scans:
+        assert len(set(dataset[row])) == 1
+        for a, b in combinations(row, 2):
+            assert math.dist(positions[a], positions[b]) <= episode.same
+    for one, other in combinations(scans, 2):
+        for a in one:
+            for b in other:
+                apart = math.dist(positions[a], positions[b])
+                assert apart > episode.different or dataset[a] != dataset[b]
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    # Positions on a grid of a quarter metre: distances compare exactly.
+    clusters=st.lists(
+        st.tuples(st.integers(-300, 300), st.integers(-300, 300)), min_size=2, max_size=12
+    ),
+    spread=st.integers(1, 60),
+    owners=st.integers(1, 3),
+    ways=st.integers(2, 4),
+    shots=st.integers(1, 2),
+    queries=st.integers(1, 3),
+    same=st.sampled_from([5.0, 10.0]),
+    gap=st.sampled_from([0.0, 10.0]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_every_episode_obeys_the_papers_distances(
+    clusters, spread, owners, ways, shots, queries, same, gap, seed
+):
+    episode = EpisodeSettings(ways, shots, queries, same=same, different=same + gap)
+    rng = np.random.default_rng(seed)
+    centres = np.repeat(np.array(clusters), 8, axis=0)
+    positions = (centres + rng.integers(-spread, spread + 1, centres.shape)) / 4
+    dataset = rng.integers(0, owners, len(positions))
+    places = Places(positions, dataset, episode)
+    try:
+        scans = places.sample(rng)
+    except DeepringError:
+        assume(False)
+    check_episode(scans, positions, dataset, episode)
+
+
+def test_members_around_an_anchor_may_be_too_far_from_each_other():
+    # Within 10 m of the middle scan, yet 16 m apart: the usual misreading puts them in one class.
+    line = np.column_stack([[-8.0, 0.0, 8.0, 100.0, 101.0, 102.0], np.zeros(6)])
+    places = Places(line, one_dataset(line), EpisodeSettings(ways=2, shots=1, queries=2))
+    assert len(places.near[1]) == 3
+    with pytest.raises(DeepringError, match="only 1 places of 3 scans"):
+        places.sample(np.random.default_rng(0))
+
+
+def test_datasets_at_the_same_coordinates_are_different_places():
+    rng = np.random.default_rng(0)
+    positions = rng.uniform(-2, 2, (20, 2))
+    dataset = np.arange(20) % 2
+    episode = EpisodeSettings(ways=2, shots=1, queries=4)
+    for _ in range(20):
+        scans = Places(positions, dataset, episode).sample(rng)
+        assert {tuple(set(dataset[row])) for row in scans} == {(0,), (1,)}
+    with pytest.raises(DeepringError, match="only 1 places"):
+        Places(positions, one_dataset(positions), episode).sample(rng)
+
+
+def test_every_scan_of_a_place_is_drawn_sooner_or_later_as_shot_and_as_query():
+    positions = np.repeat([[0.0, 0.0], [50.0, 0.0]], 4, axis=0)
+    episode = EpisodeSettings(ways=2, shots=1, queries=2)
+    places, rng = Places(positions, one_dataset(positions), episode), np.random.default_rng(0)
+    drawn = np.stack([places.sample(rng) for _ in range(60)])
+    assert set(drawn[..., 0].ravel()) == set(range(8))
+    assert set(drawn[..., 1:].ravel()) == set(range(8))
+
+
+def test_too_few_places_are_told_in_numbers():
+    positions = np.repeat([[0.0, 0.0], [50.0, 0.0], [100.0, 0.0]], 7, axis=0)
+    places = Places(positions, one_dataset(positions), EpisodeSettings())
+    with pytest.raises(DeepringError, match=r"^episode\.ways: 24 classes.*21 scans") as caught:
+        places.sample(np.random.default_rng(0))
+    for part in ("only 3 places of 7 scans", "within 10 m", "beyond 20 m"):
+        assert part in str(caught.value)
+
+
+@pytest.mark.parametrize("n", [0, 1])
+def test_almost_no_scan_is_too_few_places(n):
+    with pytest.raises(DeepringError, match=r"episode\.ways"):
+        Places(np.zeros((n, 2)), np.zeros(n, dtype=np.int64), EpisodeSettings()).sample(
+            np.random.default_rng(0)
+        )
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"ways": 1},
+        {"shots": 0},
+        {"queries": 0},
+        {"per_epoch": 0},
+        {"same": 0.0},
+        {"same": -1.0},
+        {"same": math.nan},
+        {"same": 30.0},
+        {"different": 5.0},
+        {"different": math.nan},
+    ],
+    ids=repr,
+)
+def test_bad_settings_are_named(bad):
+    with pytest.raises(DeepringError, match=rf"episode\.{next(iter(bad))}"):
+        EpisodeSettings(**bad)
+
+
+def numbered_scans(places=6, scans=5):
+    """Scan k's image is k in binary, so that an episode tells which scans it holds."""
+    positions = np.array([[40.0 * p + s, 0.0] for p in range(places) for s in range(scans)])
+    images = [np.unpackbits(np.array([k] + [0] * 7, dtype=np.uint8)) for k in range(len(positions))]
+    rasters = Rasters(
+        np.stack([pack(i.reshape(8, 8).astype(bool), RASTER) for i in images]), RASTER
+    )
+    return positions, rasters
+
+
+def number_of(images):
+    return (images[..., 0, :].long() * 2 ** torch.arange(7, -1, -1)).sum(-1)
+
+
+def dataset_of(seed):
+    positions, rasters = numbered_scans()
+    episode = EpisodeSettings(ways=3, shots=2, queries=2, per_epoch=4)
+    return EpisodeDataset(Places(positions, one_dataset(positions), episode), rasters, seed)
+
+
+def test_images_of_an_episode_are_those_of_its_scans():
+    episodes = dataset_of(seed=5)
+    scans = torch.from_numpy(episodes.places.sample(np.random.default_rng([5, 17])))
+    support, query = episodes[17]
+    assert support.shape == (3, 2, 8, 8)
+    assert query.shape == (3, 2, 8, 8)
+    assert torch.equal(number_of(support), scans[:, :2])
+    assert torch.equal(number_of(query), scans[:, 2:])
+
+
+@pytest.mark.filterwarnings("ignore:This DataLoader will create")  # on a machine of one core
+@pytest.mark.parametrize("workers", [1, 2])
+def test_same_seed_same_episodes_for_any_number_of_workers(workers):
+    def drawn(workers, seed=0):
+        loader = DataLoader(
+            dataset_of(seed),
+            batch_size=None,
+            sampler=EpisodeOrder(4),
+            num_workers=workers,
+            multiprocessing_context="fork" if workers else None,
+        )
+        return [number_of(torch.cat(episode, dim=1)).tolist() for episode in loader]
+
+    alone = drawn(0)
+    assert len(alone) == 4
+    assert drawn(workers) == alone
+    assert drawn(0, seed=1) != alone
+
+
+def test_episodes_of_an_epoch_and_of_different_epochs_differ():
+    episodes, order = dataset_of(seed=0), EpisodeOrder(4)
+    drawn = []
+    for epoch in range(5):
+        order.set_epoch(epoch)
+        drawn += [number_of(torch.cat(episodes[k], dim=1)).tolist() for k in order]
+    assert all(a != b for a, b in combinations(drawn, 2))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 9), st.integers(1, 4), st.integers(1, 4))
+def test_ranks_share_the_episodes_without_overlap_or_gap(per_epoch, world_size, epochs):
+    orders = [EpisodeOrder(per_epoch, rank, world_size) for rank in range(world_size)]
+    assert len({len(order) for order in orders}) == 1  # or the ranks would wait for each other
+    taken = []
+    for epoch in range(epochs):
+        for order in orders:
+            order.set_epoch(epoch)
+            numbers = list(order)
+            assert len(numbers) == len(order)
+            taken += numbers
+    assert sorted(taken) == list(range(len(taken)))
+    assert 0 <= len(taken) - epochs * per_epoch < epochs * world_size
+
+
+def test_two_ranks_draw_together_what_one_draws_alone():
+    alone = list(EpisodeOrder(6))
+    halves = [list(EpisodeOrder(6, rank, 2)) for rank in range(2)]
+    assert sorted(halves[0] + halves[1]) == alone
+    assert not set(halves[0]) & set(halves[1])
+
+
+def test_an_epoch_begins_again_where_it_is_set():
+    order = EpisodeOrder(3)
+    order.set_epoch(2)
+    assert list(order) == list(order) == [6, 7, 8]
