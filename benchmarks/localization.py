@@ -19,11 +19,11 @@ import numpy as np
 import torch
 from omegaconf import OmegaConf
 
-from deepring.core.rigid import pose_from, rotation_from_rpy, turn_points
+from deepring.core.rigid import pose_from, rotation_from_rpy, turn_points, yaw_after_turn
 from deepring.data.cache import ScanSet
 from deepring.data.dataset import DatasetConfig, PlaceDataset, RetrievalSet
 from deepring.localization.calibration import Right, Trials, calibrate, join, outcome, try_out
-from deepring.localization.map import Map, Trust
+from deepring.localization.map import AcceptanceThresholds, Map
 from deepring.methods.checkpoint import load_network
 
 CONF = Path(__file__).parents[1] / "conf" / "data"
@@ -50,13 +50,13 @@ def map_of(scans: ScanSet, network) -> Map:
 
 def queries(scans: ScanSet, blind: float, seed: int) -> Iterator:
     rng = np.random.default_rng(seed)
-    yaws = np.zeros(len(scans)) if scans.yaws is None else scans.yaws
-    for k, yaw in zip(scans.indices.tolist(), yaws, strict=True):
-        points = turn_points(scans.session.points(k), float(yaw))
+    turns = np.zeros(len(scans)) if scans.turns is None else scans.turns
+    for k, turn in zip(scans.indices.tolist(), turns, strict=True):
+        points = turn_points(scans.session.points(k), float(turn))
         away = np.degrees(np.arctan2(points[:, 1], points[:, 0])) - rng.uniform(0, 360)
-        # Points that are turned by +yaw are those of a sensor that looks -yaw away.
-        turn = pose_from(rotation_from_rpy(0, 0, -float(yaw)), np.zeros(3))
-        yield points[away % 360 >= blind], scans.session.poses[k] @ turn
+        yaw = yaw_after_turn(0.0, float(turn))
+        sensor = pose_from(rotation_from_rpy(0, 0, yaw), np.zeros(3))
+        yield points[away % 360 >= blind], scans.session.poses[k] @ sensor
 
 
 def elsewhere(maps: list[tuple[str, Map, list]]) -> Iterator[Trials]:
@@ -69,7 +69,7 @@ def elsewhere(maps: list[tuple[str, Map, list]]) -> Iterator[Trials]:
             yield far._replace(metres=nowhere, degrees=nowhere, nearest=nowhere)
 
 
-def row(name: str, trials: Trials, trust: Trust, seconds: float) -> str:
+def row(name: str, trials: Trials, trust: AcceptanceThresholds, seconds: float) -> str:
     wanted = Right()
     right, near = trials.right(wanted), trials.nearest <= 10
     found = outcome(trials, trust, wanted)
@@ -107,7 +107,7 @@ def main() -> None:
         started = time.perf_counter()
         every.append(try_out(held, scans))
         seconds = (time.perf_counter() - started) / len(scans)
-        print(row(Path(root).name, every[-1], Trust(), seconds), flush=True)
+        print(row(Path(root).name, every[-1], AcceptanceThresholds(), seconds), flush=True)
     if args.calibrate:
         print(calibrate(join([*every, *elsewhere(maps)]), args.calibrate))
 

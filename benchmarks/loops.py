@@ -22,8 +22,8 @@ from deepring.core.rigid import yaw_of
 from deepring.data.readers.formats import FORMATS, list_sessions, open_session
 from deepring.data.spacing import path_lengths
 from deepring.localization.calibration import FITS, Right, Trials, join, outcome
-from deepring.localization.loops import LOOP_TRUST, LoopGraph, LoopSettings, find_loops
-from deepring.localization.map import Map, Trust
+from deepring.localization.loops import LOOP_THRESHOLDS, LoopGraph, LoopSettings, find_loops
+from deepring.localization.map import AcceptanceThresholds, Map
 from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing
 
@@ -46,7 +46,7 @@ def look_back(name: str, root: str, network: DeepRing, settings: LoopSettings) -
     format = name.removeprefix("sim_")
     session = open_session(format, root, list_sessions(format, root)[0])
     started = time.perf_counter()
-    untrusting = Trust(fit=-np.inf, ratio=0.0)
+    untrusting = AcceptanceThresholds(fit=-np.inf, ratio=0.0)
     graph = find_loops(session, Map(network, FORMATS[format].ground_z, trust=untrusting), settings)
     seconds = (time.perf_counter() - started) / len(graph.scans)
     path = path_lengths(session.positions)[graph.scans]
@@ -72,8 +72,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("data", nargs="+", metavar="DATA=FOLDER")
     parser.add_argument("--checkpoint", default="shipped")
-    parser.add_argument("--fit", type=float, default=LOOP_TRUST.fit)
-    parser.add_argument("--ratio", type=float, default=LOOP_TRUST.ratio)
+    parser.add_argument("--fit", type=float, default=LOOP_THRESHOLDS.fit)
+    parser.add_argument("--ratio", type=float, default=LOOP_THRESHOLDS.ratio)
     parser.add_argument("--keep", type=float, metavar="SHARE", help="choose a fit by its recall")
     args = parser.parse_args()
     torch.set_num_threads(1)
@@ -84,7 +84,7 @@ def main() -> None:
     for item in args.data:
         drive = look_back(*item.split("=", 1), network, LoopSettings())
         drives.append(drive)
-        trust = Trust(args.fit, args.ratio)
+        trust = AcceptanceThresholds(args.fit, args.ratio)
         strict, wide = (outcome(drive.trials, trust, right) for right in (RIGHT, BESIDE))
         print(
             f"| {drive.name} | {drive.keyframes} | {strict.trusted} | {strict.precision:.3f} | "
@@ -94,7 +94,9 @@ def main() -> None:
         )
     if args.keep is not None:
         trials = join([drive.trials for drive in drives])
-        found = [outcome(trials, Trust(float(fit), args.ratio), RIGHT) for fit in FITS]
+        found = [
+            outcome(trials, AcceptanceThresholds(float(fit), args.ratio), RIGHT) for fit in FITS
+        ]
         kept = [one for one in found if one.recall >= args.keep]
         if not kept:
             raise SystemExit(f"--keep {args.keep}: at most {found[0].recall:.3f} are found at all")

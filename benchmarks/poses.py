@@ -2,7 +2,7 @@
 
     python benchmarks/poses.py nclt outputs/datasets/sim_nclt [--pairs 120] [--refine]
 
-Success is less than 2 m and 5° from the relative pose of the session's poses. The yaw is given as
+Success is less than 2 m and 5° from the relative pose of the session's poses. The turn is given as
 descriptors of 60 rows give it, rounded to 6°, and its opposite beside it. --refine adds rows
 of the same pairs refined on their points: their time is that of refinement alone, and the last
 column the share that it did not give up.
@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
-from deepring.core.rigid import yaw_of
+from deepring.core.rigid import yaw_after_turn, yaw_of
 from deepring.data.readers.formats import FORMATS, ground_of, list_sessions, open_session
 from deepring.data.session import Session
 from deepring.localization.alignment import (
@@ -47,8 +47,8 @@ class Row:
     seconds: list[float] = field(default_factory=list)
     settled: list[bool] = field(default_factory=list)
 
-    def add(self, yaw: float, position, relative, seconds: float, settled: bool = True) -> None:
-        off = (yaw - turn_of(relative) + math.pi) % (2 * math.pi) - math.pi
+    def add(self, turn: float, position, relative, seconds: float, settled: bool = True) -> None:
+        off = (turn - turn_of(relative) + math.pi) % (2 * math.pi) - math.pi
         self.errors.append(float(np.linalg.norm(position - relative[:2, 3])))
         self.turns.append(abs(math.degrees(off)))
         self.seconds.append(seconds)
@@ -88,13 +88,13 @@ def main() -> None:
             started = time.perf_counter()
             found = aligned_pair(*images, turn_of(relative))
             took = time.perf_counter() - started
-            yaw, position = float(found.yaw), found.position[0].numpy()
-            aligned.add(yaw, position, relative, took)
+            turn, position = float(found.turn), found.position[0].numpy()
+            aligned.add(turn, position, relative, took)
             if args.refine:
                 started = time.perf_counter()
-                better = refine(query, place, yaw, position)
+                better = refine(query, place, turn, position)
                 took = time.perf_counter() - started
-                refined.add(better.yaw, better.position, relative, took, better.converged)
+                refined.add(better.turn, better.position, relative, took, better.converged)
         aligned.show()
         if args.refine:
             refined.show()
@@ -115,7 +115,7 @@ def pairs(
 
 def turn_of(relative: np.ndarray) -> float:
     """Points turn the other way than the sensor."""
-    return -float(yaw_of(relative))
+    return yaw_after_turn(0.0, float(yaw_of(relative)))
 
 
 def aligned_pair(place: torch.Tensor, query: torch.Tensor, truth: float) -> Alignment:

@@ -1,11 +1,23 @@
 """Errors that a user can mend. The command line prints them without a traceback."""
 
 
-class DeepringError(Exception):
+class DeepringError(ValueError):
     """A user's mistake or unusable input: what is wrong, where, and what to do."""
 
 
-class BrokenScanError(DeepringError):
+class ConfigError(DeepringError):
+    """A setting, an argument or an option that cannot be used."""
+
+
+class DataError(DeepringError):
+    """Scans, poses or descriptors that cannot be used."""
+
+
+class FileError(DeepringError):
+    """A file that is missing, damaged, of another format, or cannot be written."""
+
+
+class BrokenScanError(DataError):
     """One scan file that cannot be decoded. Sessions skip, count and report these."""
 
 

@@ -13,7 +13,7 @@ from deepring.core.correlation import (
     correlation_curves,
     expect_form,
     magnitude_correlation_curves,
-    shift_to_yaw,
+    shift_to_turn,
     standardise,
     unit_norm,
 )
@@ -66,8 +66,8 @@ def test_score_ignores_shifts_of_either():
 
 
 def test_shift_to_yaw_wraps_into_plus_minus_pi():
-    yaw = shift_to_yaw(torch.tensor([0, 3, 6, 9]), 12)
-    assert torch.allclose(yaw, torch.tensor([0.0, math.pi / 2, -math.pi, -math.pi / 2]))
+    turn = shift_to_turn(torch.tensor([0, 3, 6, 9]), 12)
+    assert torch.allclose(turn, torch.tensor([0.0, math.pi / 2, -math.pi, -math.pi / 2]))
 
 
 def test_normalisations():

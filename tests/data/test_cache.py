@@ -73,13 +73,13 @@ def rows_of(path):
 @pytest.mark.parametrize("turned", [False, True])
 def test_images_are_those_drawn_directly_first_and_again(kind, turned, tmp_path):
     raster = RASTERS[kind]()
-    yaws = np.linspace(0, 3, 4) if turned else None
-    scans = ScanSet(session(tmp_path / "s"), np.array([5, 0, 3, 1]), -0.5, yaws)
+    turns = np.linspace(0, 3, 4) if turned else None
+    scans = ScanSet(session(tmp_path / "s"), np.array([5, 0, 3, 1]), -0.5, turns)
     cache = RasterCache(tmp_path / "cache")
     direct = []
     for k, index in enumerate(scans.indices):
         points = np.load(scans.session.files[index])
-        direct.append(raster(turn_points(points, yaws[k]) if turned else points, -0.5))
+        direct.append(raster(turn_points(points, turns[k]) if turned else points, -0.5))
     for _ in range(2):
         kept, images, broken = cache.load(scans, raster)
         assert broken == ()
@@ -203,10 +203,10 @@ def test_every_changed_value_of_a_raster_is_noticed(raster, changed, tmp_path):
     "change",
     [
         {"ground_z": 0.1},
-        {"yaws": np.zeros(2)},
+        {"turns": np.zeros(2)},
         {"session": "another reader"},
     ],
-    ids=["ground_z", "yaws", "reader"],
+    ids=["ground_z", "turns", "reader"],
 )
 def test_every_changed_way_to_see_a_scan_is_noticed(change, tmp_path):
     cache, scans = RasterCache(tmp_path / "cache"), scan_set(tmp_path / "s", n=2)
@@ -219,8 +219,8 @@ def test_every_changed_way_to_see_a_scan_is_noticed(change, tmp_path):
 
 def test_each_yaw_is_noticed_by_itself(tmp_path):
     cache = RasterCache(tmp_path / "cache")
-    cache.load(scan_set(tmp_path / "s", n=3, yaws=np.array([0.0, 1.0, 2.0])), SMALL)
-    cache.load(scan_set(tmp_path / "s", n=3, yaws=np.array([0.0, 1.5, 2.0])), SMALL)
+    cache.load(scan_set(tmp_path / "s", n=3, turns=np.array([0.0, 1.0, 2.0])), SMALL)
+    cache.load(scan_set(tmp_path / "s", n=3, turns=np.array([0.0, 1.5, 2.0])), SMALL)
     assert sorted(path.name for path in reads) == ["0.npy", "1.npy", "1.npy", "2.npy"]
 
 
@@ -259,14 +259,14 @@ def test_a_file_of_another_time_is_noticed(tmp_path):
 
 
 def test_broken_scans_are_left_out_reported_and_not_cached(tmp_path):
-    scans = scan_set(tmp_path / "s", yaws=np.arange(6.0))
+    scans = scan_set(tmp_path / "s", turns=np.arange(6.0))
     scans.session.files[1].write_bytes(b"junk")
     scans.session.files[4].unlink()
     cache = RasterCache(tmp_path / "cache")
     for attempt in range(2):
         kept, images, broken = cache.load(scans, SMALL)
         assert kept.indices.tolist() == [0, 2, 3, 5]
-        assert kept.yaws.tolist() == [0, 2, 3, 5]
+        assert kept.turns.tolist() == [0, 2, 3, 5]
         assert len(images) == 4
         assert [Path(reason.split(":")[0]).name for reason in broken] == ["1.npy", "4.npy"]
         assert len(reads) == 6 + 2 * attempt  # tried again, since it may have been mended

@@ -185,7 +185,7 @@ def test_broken_files_keep_the_others_on_their_rows(tmp_path):
     own, kitti = open_own(describe(root, **KITTI)), open_kitti(root)
     assert own.files == kitti.files
     np.testing.assert_allclose(own.poses, kitti.poses, rtol=0, atol=1e-9)
-    assert own.omissions.broken == kitti.omissions.broken
+    assert own.skipped.broken == kitti.skipped.broken
     for file in (root / "velodyne").iterdir():
         file.write_bytes(b"")
     with pytest.raises(DeepringError, match=r"all 5 scans of .* are broken"):

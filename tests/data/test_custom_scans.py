@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deepring.data.readers.custom_scans import UP, OwnScans
+from deepring.data.readers.custom_scans import UP, CustomScans
 from deepring.errors import BrokenScanError
 from deepring.rasters.kinds import BevRaster
 
-PLAIN = OwnScans(format=None, up="z", sensor_height=1.5)
+PLAIN = CustomScans(format=None, up="z", sensor_height=1.5)
 
 
 def scan(n=2000, seed=0):

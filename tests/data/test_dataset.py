@@ -176,18 +176,18 @@ def test_a_margin_that_leaves_no_training_scan_is_an_error(config):
 
 
 def test_query_yaws_are_seeded_and_cover_the_turn(config):
-    def yaws(seed):
-        return PlaceDataset(replace(config, query_yaw_seed=seed)).retrieval("whole")
+    def turns(seed):
+        return PlaceDataset(replace(config, query_turn_seed=seed)).retrieval("whole")
 
-    first = yaws(3)
-    assert np.array_equal(first.query.yaws, yaws(3).query.yaws)
-    assert not np.array_equal(first.query.yaws, yaws(4).query.yaws)
-    assert first.query.yaws.shape == (len(first.query),)
-    assert (first.query.yaws >= 0).all()
-    assert (first.query.yaws < 2 * np.pi).all()
-    assert np.histogram(first.query.yaws, 4, (0, 2 * np.pi))[0].min() > 0
-    assert first.database.yaws is None
-    assert yaws(None).query.yaws is None
+    first = turns(3)
+    assert np.array_equal(first.query.turns, turns(3).query.turns)
+    assert not np.array_equal(first.query.turns, turns(4).query.turns)
+    assert first.query.turns.shape == (len(first.query),)
+    assert (first.query.turns >= 0).all()
+    assert (first.query.turns < 2 * np.pi).all()
+    assert np.histogram(first.query.turns, 4, (0, 2 * np.pi))[0].min() > 0
+    assert first.database.turns is None
+    assert turns(None).query.turns is None
 
 
 def laps(n=240, rounds=2, name="laps"):

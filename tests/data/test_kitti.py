@@ -141,9 +141,9 @@ def test_scans_beyond_the_poses_and_bad_rows_are_counted(tmp_path):
     (drive / "velodyne" / "000000.bin").write_bytes(b"")
     session = open_kitti(drive)
     assert [path.stem for path in session.files] == ["000002"]
-    assert session.omissions.without_pose == 2
-    assert session.omissions.bad_poses == 1
-    assert len(session.omissions.broken) == 1
+    assert session.skipped.without_pose == 2
+    assert session.skipped.bad_poses == 1
+    assert len(session.skipped.broken) == 1
 
 
 def test_as_many_scans_as_poses_numbered_from_one_is_an_error(tmp_path):
@@ -207,7 +207,7 @@ def test_real_drive():
     session = open_kitti(REAL / "kitti00_south")
     assert len(session) == 974
     assert session.stamps is None
-    assert str(session.omissions) == ""
+    assert str(session.skipped) == ""
     steps = np.linalg.norm(np.diff(session.poses[:, :3, 3], axis=0), axis=1)
     assert np.median(steps) == pytest.approx(1.9, abs=0.2)
     # The car drives where it looks: x is forward.

@@ -144,10 +144,10 @@ def test_a_stamp_without_file_and_files_without_pose(tmp_path):
     (root / "Ouster" / f"{START + 1}.bin").write_bytes(b"")
     session = open_mulran(tmp_path, "Sejong01")
     assert len(session) == 4
-    assert session.omissions.without_pose == 1
-    assert len(session.omissions.broken) == 1
-    assert "broken" in str(session.omissions)
-    assert "without a pose" in str(session.omissions)
+    assert session.skipped.without_pose == 1
+    assert len(session.skipped.broken) == 1
+    assert "broken" in str(session.skipped)
+    assert "without a pose" in str(session.skipped)
 
 
 def test_nan_and_disordered_rows_are_counted(tmp_path):
@@ -157,7 +157,7 @@ def test_nan_and_disordered_rows_are_counted(tmp_path):
     lines.insert(0, f"{START - 10_000_000}" + ",nan" * 12)
     (root / "global_pose.csv").write_text("\n".join(lines))
     session = open_mulran(tmp_path, "Sejong01", extrinsic="none")
-    assert session.omissions.bad_poses == 2
+    assert session.skipped.bad_poses == 2
     np.testing.assert_allclose(session.positions[:, 0], EAST + np.arange(4), atol=1e-6)
 
 

@@ -166,7 +166,7 @@ def test_the_first_row_is_a_pose_and_no_header(tmp_path):
     assert session.stamps[0] == START * 1000  # the scan at the first row's stamp has its pose
     # The misreading: without its first row the first scan has none.
     truth.write_text("\n".join(truth.read_text().splitlines()[1:]))
-    assert open_nclt(tmp_path, DATE).omissions.without_pose == 1
+    assert open_nclt(tmp_path, DATE).skipped.without_pose == 1
 
 
 def test_a_header_row_is_refused_with_its_file(tmp_path):
@@ -181,7 +181,7 @@ def test_nan_rows_are_dropped_and_counted(tmp_path):
     truth = tmp_path / f"groundtruth_{DATE}.csv"
     write_drive(tmp_path / DATE / "velodyne_sync", truth, rows=rows)
     session = open_nclt(tmp_path, DATE)
-    assert session.omissions.bad_poses == 2
+    assert session.skipped.bad_poses == 2
     assert np.isfinite(session.poses).all()
 
 
@@ -193,7 +193,7 @@ def test_stamps_are_microseconds(tmp_path):
     (scans / f"{last_pose + 60_000}.bin").write_bytes(encode([(0, 0, 0, 0, 0)]))
     session = open_nclt(tmp_path, DATE)
     assert len(session) == 2
-    assert session.omissions.without_pose == 1
+    assert session.skipped.without_pose == 1
     # The misreading: a tolerance of 50 ms in nanoseconds, held against microseconds, is 50 s.
     assert 60_000 < 0.05 * 1e9
 
@@ -209,8 +209,8 @@ def test_broken_files_are_listed_and_left_out(tmp_path):
     (scans / f"{START + 3}.bin").symlink_to(scans / "nowhere")
     session = open_nclt(tmp_path, DATE)
     assert len(session) == 5
-    text = "\n".join(session.omissions.broken)
-    assert len(session.omissions.broken) == 5
+    text = "\n".join(session.skipped.broken)
+    assert len(session.skipped.broken) == 5
     for reason in ("empty file", "9 bytes", "notes.bin: the name", "cannot be read"):
         assert reason in text
 

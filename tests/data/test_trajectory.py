@@ -155,8 +155,8 @@ def test_match_leaves_out_and_counts_scans_without_a_pose(tmp_path):
     listing = Listing(files, np.array([5, 15, 500]) * MS, ("x.bin: empty",))
     scans = match_scans(listing, straight(np.arange(0, 30, 10) * MS), 0.05)
     assert scans.files == files[:2]
-    assert scans.omissions.without_pose == 1
-    assert scans.omissions.broken == ("x.bin: empty",)
+    assert scans.skipped.without_pose == 1
+    assert scans.skipped.broken == ("x.bin: empty",)
     np.testing.assert_allclose(scans.poses[:, 0, 3], [5, 15])
 
 

@@ -85,7 +85,7 @@ def any_descriptors(draw):
         descriptors=draw(arrays.arrays(np.float32, (n, *rest), elements=width32)),
         positions=draw(arrays.arrays(np.float64, (n, 2), elements=finite)),
         indices=draw(arrays.arrays(np.int64, n)),
-        yaws=draw(arrays.arrays(np.float64, n, elements=finite)) if turned else None,
+        turns=draw(arrays.arrays(np.float64, n, elements=finite)) if turned else None,
         **{name: draw(names) for name in ("method", "train", "test", "region", "session")},
         side=draw(st.sampled_from(["database", "query"])),
         made_by=draw(st.dictionaries(names, plain, max_size=4)),
@@ -109,7 +109,7 @@ def test_arrays_in_any_order_in_memory_are_written_as_they_read(path):
 
 
 def test_the_header_is_plain_text_that_other_tools_can_read(path):
-    write_descriptors(path, example(yaws=np.arange(4.0)))
+    write_descriptors(path, example(turns=np.arange(4.0)))
     length = int.from_bytes(path.read_bytes()[:8], "little")
     metadata = json.loads(path.read_bytes()[8 : 8 + length])["__metadata__"]
     header = json.loads(metadata["deepring"])
@@ -117,7 +117,7 @@ def test_the_header_is_plain_text_that_other_tools_can_read(path):
     assert header["turned"] is True
     assert (header["side"], header["session"]) == ("query", "2031-02-04")
     assert header["made_by"]["raster"] == {"kind": "bev", "height": [0, 1.5]}
-    assert set(load_file(path)) == {"descriptors", "positions", "indices", "yaws"}
+    assert set(load_file(path)) == {"descriptors", "positions", "indices", "turns"}
 
 
 def test_the_same_descriptors_make_the_same_bytes_and_replace_a_file(path):
@@ -145,9 +145,9 @@ def test_a_path_that_cannot_be_written_is_refused(tmp_path):
         ({"descriptors": np.zeros((4, 2))}, "descriptors of float64: expected float32"),
         ({"positions": np.zeros((3, 2))}, r"positions of shape \(3, 2\): expected \(4, 2\)"),
         ({"indices": np.arange(5)}, r"indices of shape \(5,\): expected \(4,\)"),
-        ({"yaws": np.zeros(2)}, r"yaws of shape \(2,\): expected \(4,\)"),
+        ({"turns": np.zeros(2)}, r"turns of shape \(2,\): expected \(4,\)"),
         ({"positions": np.full((4, 2), np.inf)}, "query: positions: 8 of 8 values are not finite"),
-        ({"yaws": np.array([0, 0, np.nan, 0])}, "yaws: 1 of 4 values are not finite"),
+        ({"turns": np.array([0, 0, np.nan, 0])}, "turns: 1 of 4 values are not finite"),
         ({"made_by": {"raster": BevRaster}}, "made_by: .*; expected plain values"),
         ({"made_by": ["ring"]}, r"made_by \['ring'\]: expected a dict"),
     ],
@@ -251,7 +251,7 @@ def crafted(path, header=(), tensors=(), lacking=()):
         ({"header": {"extra": 1}}, "'extra'; expected a descriptor file"),
         ({"tensors": {"positions": np.zeros((3, 2))}}, r"positions of shape \(3, 2\): expected"),
         ({"tensors": {"positions": np.zeros((4, 2), np.float32)}}, "positions of float32"),
-        ({"tensors": {"yaws": np.full(4, np.nan)}}, "yaws: 4 of 4 values are not finite"),
+        ({"tensors": {"turns": np.full(4, np.nan)}}, "turns: 4 of 4 values are not finite"),
         ({"tensors": {"descriptors": np.zeros((0, 2), np.float32)}}, "the query holds 0 scans"),
         ({"tensors": {"descriptors": np.zeros((), np.float32)}}, "expected a descriptor file"),
     ],

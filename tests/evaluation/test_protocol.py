@@ -24,8 +24,8 @@ class Toy:
 
     raster = RASTER
 
-    def __init__(self, *, yaw=True):
-        self.yaw = yaw
+    def __init__(self, *, turn=True):
+        self.turn = turn
         self.described = []
         self._calls = []
 
@@ -37,7 +37,7 @@ class Toy:
     def compare(self, queries, database):
         self._calls.append("compare")
         apart = queries[:, None] - database[None]
-        return Comparison(-apart.abs(), apart / 100 if self.yaw else None)
+        return Comparison(-apart.abs(), apart / 100 if self.turn else None)
 
 
 def side(numbers, east):
@@ -71,7 +71,7 @@ def test_best_places_scores_turns_and_distances():
     retrieved = evaluate_method("toy", Toy(), task(*FIVE)).retrieved
     assert retrieved.place.tolist() == [0, 1, 2, 3, 3]
     assert retrieved.score.tolist() == [0, -1, 0, -1, -1]
-    assert retrieved.yaw.tolist() == pytest.approx([0, 0.01, 0, -0.01, 0.01])
+    assert retrieved.turn.tolist() == pytest.approx([0, 0.01, 0, -0.01, 0.01])
     assert retrieved.distance.tolist() == [1, 2, 12, 57, 440]
     assert retrieved.nearest.tolist() == [1, 2, 8, 3, 440]
 
@@ -131,7 +131,7 @@ def test_results_do_not_depend_on_the_batch(batch, monkeypatch):
 
 
 def test_a_method_without_yaw_has_none():
-    assert evaluate_method("toy", Toy(yaw=False), task(*FIVE)).retrieved.yaw is None
+    assert evaluate_method("toy", Toy(turn=False), task(*FIVE)).retrieved.turn is None
 
 
 def test_of_equal_scores_the_first_place_is_taken():
@@ -249,13 +249,13 @@ def test_an_export_holds_what_was_described_and_what_made_it(tmp_path):
         )
         assert found.made_by["class"] == "test_protocol.Toy"
         assert found.made_by["raster"]["cells"] == 8
-        assert found.made_by["values"] == {"described": [], "yaw": True}
+        assert found.made_by["values"] == {"described": [], "turn": True}
         assert found.seconds_per_scan == outcome.results[0].seconds_per_scan
-    assert found.yaws.tolist() == [0, 1, 2, 3, 4]
+    assert found.turns.tolist() == [0, 1, 2, 3, 4]
 
 
 def turned(scans):
-    return replace(scans, yaws=np.arange(len(scans)) * 1.0)
+    return replace(scans, turns=np.arange(len(scans)) * 1.0)
 
 
 def test_what_cannot_be_exported_is_refused_before_the_queries_are_described(tmp_path):

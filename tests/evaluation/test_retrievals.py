@@ -28,10 +28,10 @@ def floats(n, **limits):
 def any_retrieved(draw):
     """Of one to five queries in up to four places, and the scans' indices of both."""
     n, d = draw(st.integers(1, 5)), draw(st.integers(1, 4))
-    yaw = draw(st.none() | floats(n, allow_infinity=False))
+    turn = draw(st.none() | floats(n, allow_infinity=False))
     metres = floats(n, min_value=0)
     place = draw(hnp.arrays(np.int64, n, elements=st.integers(0, d - 1)))
-    retrieved = Retrieved(place, draw(floats(n)), yaw, draw(metres), draw(metres))
+    retrieved = Retrieved(place, draw(floats(n)), turn, draw(metres), draw(metres))
     scans = st.integers(0, 2**40)
     return (
         retrieved,
@@ -45,15 +45,15 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("run")
 
 
-def retrieved(n=3, yaw=True):
+def retrieved(n=3, turn=True):
     rows = np.arange(n)
     lengths = rows.astype(np.float32)
-    turns = lengths / 10 if yaw else None
+    turns = lengths / 10 if turn else None
     return Retrieved(rows % 2, -lengths / 3, turns, lengths + 4, lengths)
 
 
-def write(folder, labels=LABELS, n=3, yaw=True):
-    return write_retrievals(folder, *labels, retrieved(n, yaw), np.arange(n) + 7, [20, 30])
+def write(folder, labels=LABELS, n=3, turn=True):
+    return write_retrievals(folder, *labels, retrieved(n, turn), np.arange(n) + 7, [20, 30])
 
 
 @settings(max_examples=60, deadline=None)
@@ -69,10 +69,10 @@ def test_round_trip_is_exact(folder, made, labels):
     for name in ("score", "distance", "nearest"):
         np.testing.assert_array_equal(getattr(read, name), getattr(found, name))
         assert getattr(read, name).dtype == np.float32
-    if found.yaw is None:
-        assert read.yaw is None
+    if found.turn is None:
+        assert read.turn is None
     else:
-        np.testing.assert_array_equal(read.yaw, found.yaw)
+        np.testing.assert_array_equal(read.turn, found.turn)
 
 
 def test_the_file_is_named_after_method_and_test_and_its_first_line_says_all(tmp_path):
@@ -81,7 +81,7 @@ def test_the_file_is_named_after_method_and_test_and_its_first_line_says_all(tmp
     lines = path.read_text(encoding="utf-8").splitlines()
     assert lines == [
         '# {"method": "Scan Context 20x60", "train": "", "test": "sim_nclt", "region": "test"}',
-        "query,place,score,yaw,distance,nearest",
+        "query,place,score,turn,distance,nearest",
         "7,20,-0.0,0.0,4.0,0.0",
         "8,30,-0.3333333432674408,0.10000000149011612,5.0,1.0",
         "9,20,-0.6666666865348816,0.20000000298023224,6.0,2.0",
@@ -89,7 +89,7 @@ def test_the_file_is_named_after_method_and_test_and_its_first_line_says_all(tmp
 
 
 def test_a_yaw_that_is_not_known_is_empty(tmp_path):
-    path = write(tmp_path, yaw=False)
+    path = write(tmp_path, turn=False)
     assert "8,30,-0.3333333432674408,,5.0,1.0" in path.read_text().splitlines()
 
 
@@ -128,7 +128,7 @@ def test_those_of_a_run_are_read_in_order_and_none_where_there_are_none(tmp_path
 
 
 HEAD = '# {"method": "m", "train": "", "test": "t", "region": "r"}\n'
-COLUMNS = "query,place,score,yaw,distance,nearest\n"
+COLUMNS = "query,place,score,turn,distance,nearest\n"
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ COLUMNS = "query,place,score,yaw,distance,nearest\n"
         ("", "line 1: ''; expected '# '"),
         (COLUMNS, r"line 1: 'query,place.*; expected '# ' and {\"method\""),
         ('# {"method": "m"}\n' + COLUMNS, "line 1"),
-        (HEAD + "query,place\n", "line 2: expected 'query,place,score,yaw,distance,nearest'"),
+        (HEAD + "query,place\n", "line 2: expected 'query,place,score,turn,distance,nearest'"),
         (HEAD + COLUMNS + "1,2,0.5,,1.0,1.0\n1,x,0.5,,1.0,1.0\n", "line 4: '1,x,0.5"),
         (HEAD + COLUMNS + "1,2,0.5,1.0,1.0\n", "line 3: .*expected two whole numbers and four"),
         (HEAD + COLUMNS + "1,2,,0.1,1.0,1.0\n", "line 3"),

@@ -115,8 +115,8 @@ def test_turned_queries_are_known_as_such(tmp_path):
     task = road_task(method.raster, turned=True)
     evaluate_method("RING", method, task, export=tmp_path)
     (pair,) = find_pairs(tmp_path)
-    assert np.array_equal(read_descriptors(pair.query).yaws, task.query.scans.yaws)
-    assert read_descriptors(pair.database).yaws is None
+    assert np.array_equal(read_descriptors(pair.query).turns, task.query.scans.turns)
+    assert read_descriptors(pair.database).turns is None
 
 
 def test_progress_is_told(exported):

@@ -14,7 +14,7 @@ def ring(composed, tiny_nclt):
             *("method=ring", "data=sim_nclt", f"data.root={tiny_nclt}", "data.spacing.train=1"),
             *("evaluation.regions=[whole]", "evaluation.figures=false", "callbacks.progress=null"),
             *("methods.scan_context=null", "methods.scan_context_120=null"),
-            *("data.query_yaw_seed=1", *overrides),
+            *("data.query_turn_seed=1", *overrides),
         )
 
     return make

@@ -57,15 +57,15 @@ def wrapped(angle):
 def test_the_pose_that_the_scan_was_seen_from_is_found(seed, x, y, heading, off):
     points = scattered(seed)
     cells = occupied_cells(image(seen_from(points, x, y, heading)), SETTINGS)
-    # The points turn the other way than the sensor; yaws are known to a few degrees.
+    # The points turn the other way than the sensor; turns are known to a few degrees.
     tried = torch.tensor([[-heading + math.radians(off), -heading + math.pi]])
     found = align(cells, spectra(points), tried, SETTINGS)
-    assert abs(wrapped(float(found.yaw) + heading)) < math.radians(1.5)
+    assert abs(wrapped(float(found.turn) + heading)) < math.radians(1.5)
     assert np.hypot(*(found.position[0].numpy() - [x, y])) < 0.8
     # Misreadings: the turn of the sensor, and the map's sensor in the frame of the query.
     there = found.position[0].numpy()
     if abs(wrapped(2 * heading)) > 0.2:
-        assert abs(wrapped(float(found.yaw) - heading)) > math.radians(5)
+        assert abs(wrapped(float(found.turn) - heading)) > math.radians(5)
         c, s = math.cos(heading), math.sin(heading)
         inverse = np.array([-c * x - s * y, s * x - c * y])
         if np.hypot(*(inverse - [x, y])) > 3:
@@ -88,7 +88,7 @@ def test_a_scan_fits_itself_perfectly():
     cells = occupied_cells(image(points), SETTINGS)
     found = align(cells, spectra(points), torch.tensor([[0.0]]), SETTINGS)
     assert found.score.item() == pytest.approx(1.0, abs=1e-3)
-    assert found.yaw.item() == pytest.approx(0.0, abs=1e-3)
+    assert found.turn.item() == pytest.approx(0.0, abs=1e-3)
     assert found.position.abs().max() < 1e-2
 
 

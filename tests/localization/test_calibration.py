@@ -13,7 +13,7 @@ from deepring.data.readers.nclt import open_nclt
 from deepring.errors import DeepringError
 from deepring.localization.calibration import FITS, Right, Trials, calibrate, join, outcome, try_out
 from deepring.localization.candidates import RerankSettings
-from deepring.localization.map import Map, Trust
+from deepring.localization.map import AcceptanceThresholds, Map
 
 
 def trials(fit, ratio, right, nearest=0.0):
@@ -67,7 +67,7 @@ def test_right_means_both_position_and_heading():
 
 def test_recall_counts_the_scans_near_the_map_alone():
     some = trials([0.5, 0.5, 0.1, 0.5], [2, 2, 2, 2], [True, True, True, False], [0, 5, 5, 90])
-    found = outcome(some, Trust(0.2, 1.5))
+    found = outcome(some, AcceptanceThresholds(0.2, 1.5))
     assert found.precision == pytest.approx(2 / 3)
     assert found.recall == pytest.approx(2 / 3)
 

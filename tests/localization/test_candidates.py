@@ -44,14 +44,14 @@ def drive():
     poses = torch.tensor([[20.0 * k, 0.0, 0.3 * k] for k in range(2, 10)], dtype=torch.float64)
     maps = torch.stack([seen_from(world, *pose.tolist()) for pose in poses])
     at = (126.0, 3.0, 2.0)  # nearest: place 4, at x = 120
-    yaw = torch.tensor([float(pose[2]) - at[2] for pose in poses])
-    return seen_from(world, *at), maps, poses, yaw, at
+    turn = torch.tensor([float(pose[2]) - at[2] for pose in poses])
+    return seen_from(world, *at), maps, poses, turn, at
 
 
 def test_the_query_is_located_and_its_nearest_place_comes_first(drive):
-    image, maps, poses, yaw, at = drive
+    image, maps, poses, turn, at = drive
     shuffled = torch.tensor([7, 3, 5, 4, 1, 0, 2, 6])
-    candidates = align_candidates(image, shuffled, yaw[shuffled], maps[shuffled], SETTINGS)
+    candidates = align_candidates(image, shuffled, turn[shuffled], maps[shuffled], SETTINGS)
     located = by_location(candidates, poses[shuffled], SETTINGS)
     assert np.hypot(*(located.position.numpy() - at[:2])) < 1.0
     assert located.fit == pytest.approx(float(candidates.aligned.score.max()))
@@ -64,11 +64,11 @@ def test_the_query_is_located_and_its_nearest_place_comes_first(drive):
 
 
 def test_without_yaws_the_whole_turn_is_tried(drive):
-    image, maps, _, yaw, _ = drive
+    image, maps, _, turn, _ = drive
     some = torch.tensor([3, 4])
     candidates = align_candidates(image, some, None, maps[some], SETTINGS)
-    known = align_candidates(image, some, yaw[some], maps[some], SETTINGS)
-    apart = torch.remainder(candidates.aligned.yaw - known.aligned.yaw + 3, 2 * math.pi) - 3
+    known = align_candidates(image, some, turn[some], maps[some], SETTINGS)
+    apart = torch.remainder(candidates.aligned.turn - known.aligned.turn + 3, 2 * math.pi) - 3
     assert apart.abs().max() < math.radians(2)
     assert torch.allclose(candidates.aligned.position, known.aligned.position, atol=0.7)
 

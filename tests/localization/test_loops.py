@@ -17,8 +17,8 @@ from deepring.data.session import Session
 from deepring.errors import DeepringError
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.graph_files import g2o_lines, json_text, tum_lines
-from deepring.localization.loops import LOOP_TRUST, Loop, LoopGraph, LoopSettings, find_loops
-from deepring.localization.map import Map, Trust
+from deepring.localization.loops import LOOP_THRESHOLDS, Loop, LoopGraph, LoopSettings, find_loops
+from deepring.localization.map import AcceptanceThresholds, Map
 from deepring.localization.refinement import RefinementSettings
 
 SETTINGS = LoopSettings(spacing=10.0, recent=40.0)
@@ -69,8 +69,8 @@ def errors_of(graph):
 
 def test_the_command_asks_more_of_loops_than_of_locations():
     asked = _parser().parse_args(["folder", "-o", "out"])
-    assert Trust(asked.fit, asked.ratio) == LOOP_TRUST
-    assert LOOP_TRUST.fit > Trust().fit
+    assert AcceptanceThresholds(asked.fit, asked.ratio) == LOOP_THRESHOLDS
+    assert LOOP_THRESHOLDS.fit > AcceptanceThresholds().fit
 
 
 def test_refined_loops_are_nearer_to_the_truth(graph, there_and_back):

@@ -13,7 +13,7 @@ from deepring.core.rigid import turn_points, yaw_of
 from deepring.data.readers.nclt import open_nclt
 from deepring.errors import DeepringError
 from deepring.localization.candidates import RerankSettings
-from deepring.localization.map import Map, Trust
+from deepring.localization.map import AcceptanceThresholds, Map
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.rasters.kinds import BevRaster, raster_settings
 from deepring.search.correlation_index import SearchSettings
@@ -65,9 +65,9 @@ def test_a_scan_may_have_its_ground_elsewhere(built, drives):
 def test_trust_asks_for_both(built, drives):
     points = drives[1].points(3)
     sure = built.localize(points)
-    usual = Trust()
+    usual = AcceptanceThresholds()
     assert sure.trusted == (sure.fit >= usual.fit and sure.ratio >= usual.ratio)
-    for trust in (Trust(fit=1.1), Trust(ratio=math.inf)):
+    for trust in (AcceptanceThresholds(fit=1.1), AcceptanceThresholds(ratio=math.inf)):
         built.trust, usual = trust, built.trust
         assert not built.localize(points).trusted or trust.ratio == sure.ratio
         built.trust = usual

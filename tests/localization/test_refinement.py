@@ -58,7 +58,7 @@ def test_a_known_transform_is_recovered(x, y, heading):
     assert found.inliers > 0.9
     assert np.linalg.norm(found.transform[:3, 3] - truth[:3, 3]) < 0.1
     assert np.hypot(*(found.position - [x, y])) < 0.1
-    assert degrees_between(found.yaw, -heading) < 0.5
+    assert degrees_between(found.turn, -heading) < 0.5
     # All of it, not the planar part alone: roll, pitch and height, too.
     assert np.abs(found.transform - truth).max() < 0.05
     moved = query @ found.transform[:3, :3].T + found.transform[:3, 3]
@@ -72,7 +72,7 @@ def test_the_sensors_heading_is_no_start(x, y, heading):
     right = refine(query, REFERENCE, -heading, (x, y))
     misread = refine(query, REFERENCE, heading, (x, y))
     assert right.converged
-    assert not misread.converged or degrees_between(misread.yaw, -heading) > 20
+    assert not misread.converged or degrees_between(misread.turn, -heading) > 20
     assert misread.inliers < 0.8 * right.inliers
 
 
@@ -82,14 +82,14 @@ def test_what_runs_away_is_not_believed_and_the_start_kept():
     far = refine(query, REFERENCE, 0.0, (0, 0))
     assert far.converged
     assert far.position == pytest.approx([1.5, 0], abs=0.1)
-    held = refine(query, REFERENCE, 0.0, (0, 0), RefinementSettings(shift=1.0))
+    held = refine(query, REFERENCE, 0.0, (0, 0), RefinementSettings(max_shift=1.0))
     assert not held.converged
     assert np.array_equal(held.transform, np.eye(4))
-    assert (held.yaw, *held.position) == (0.0, 0.0, 0.0)
-    turned = RefinementSettings(turn=math.radians(1))
+    assert (held.turn, *held.position) == (0.0, 0.0, 0.0)
+    turned = RefinementSettings(max_turn=math.radians(1))
     held = refine(query, REFERENCE, math.radians(4), (1.5, 0), turned)
     assert not held.converged
-    assert held.yaw == pytest.approx(math.radians(4))
+    assert held.turn == pytest.approx(math.radians(4))
 
 
 def test_scans_that_share_nothing_keep_the_start():
@@ -103,7 +103,7 @@ def test_scans_that_share_nothing_keep_the_start():
 
 
 def test_mistakes_are_named(monkeypatch):
-    for name, value in {"voxel": 0, "iterations": 0, "shift": -1, "turn": math.nan}.items():
+    for name, value in {"voxel": 0, "iterations": 0, "max_shift": -1, "max_turn": math.nan}.items():
         with pytest.raises(DeepringError, match=rf"refinement\.{name}: "):
             RefinementSettings(**{name: value})
     for reaches in ((), (2.0, 0.0)):
@@ -133,19 +133,19 @@ def test_a_real_pair_is_aligned_as_its_points_say():
     _, aligned = align_candidates(
         images[1], torch.tensor([0]), None, images[0][None], RerankSettings()
     )
-    yaw, position = float(aligned.yaw[0]), aligned.position[0].numpy()
-    points = refine(query, place, yaw, position)
+    turn, position = float(aligned.turn[0]), aligned.position[0].numpy()
+    points = refine(query, place, turn, position)
     assert points.converged
     assert points.inliers > 0.75
     assert np.hypot(*(points.position - position)) < 2
-    assert degrees_between(points.yaw, yaw) < 5
-    assert degrees_between(points.yaw, math.radians(148.5)) < 1
+    assert degrees_between(points.turn, turn) < 5
+    assert degrees_between(points.turn, math.radians(148.5)) < 1
     # No such agreement from the opposite heading, or where the turn's sign is misread.
-    for wrong in (yaw + math.pi, -yaw):
+    for wrong in (turn + math.pi, -turn):
         other = refine(query, place, wrong, position)
         assert not other.converged
         assert other.inliers < 0.5
     # A start that is off by 2 m and 5° comes to the same pose.
-    again = refine(query, place, yaw + math.radians(5), position + np.array([1.6, -1.2]))
+    again = refine(query, place, turn + math.radians(5), position + np.array([1.6, -1.2]))
     assert np.hypot(*(again.position - points.position)) < 0.05
-    assert degrees_between(again.yaw, points.yaw) < 0.1
+    assert degrees_between(again.turn, points.turn) < 0.1

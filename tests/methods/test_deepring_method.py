@@ -79,19 +79,21 @@ def test_quarter_turns_are_found_and_change_nothing(aggregation, normalisation, 
         turned = net.describe(quarter_turn(scans(), quarters))
         rows = plain.shape[1] * quarters // 4
         assert relative_error(turned, plain.roll(rows, dims=1)) < 1e-3
-        score, yaw = net.compare(turned, plain)
+        score, turn = net.compare(turned, plain)
         assert relative_error(score, unturned.score) < 1e-4
-    assert yaw.shape == (3, 3)
+    assert turn.shape == (3, 3)
 
 
 def test_the_yaw_is_the_turn_of_the_points_modulo_the_sinograms_symmetry():
     net = network()
     plain = net.describe(scans(6))
-    for quarters, turn in ((1, math.pi / 2), (3, -math.pi / 2)):
-        yaw = net.compare(net.describe(quarter_turn(scans(6), quarters)), plain).yaw.diagonal()
-        assert torch.allclose(yaw, torch.full((6,), turn), atol=1e-4)  # not the other way round
-        back = net.compare(plain, net.describe(quarter_turn(scans(6), quarters))).yaw.diagonal()
-        assert torch.allclose(back, torch.full((6,), -turn), atol=1e-4)
+    for quarters, theta_range in ((1, math.pi / 2), (3, -math.pi / 2)):
+        turn = net.compare(net.describe(quarter_turn(scans(6), quarters)), plain).turn.diagonal()
+        assert torch.allclose(
+            turn, torch.full((6,), theta_range), atol=1e-4
+        )  # not the other way round
+        back = net.compare(plain, net.describe(quarter_turn(scans(6), quarters))).turn.diagonal()
+        assert torch.allclose(back, torch.full((6,), -theta_range), atol=1e-4)
 
 
 @pytest.mark.parametrize(("pool", "stride"), [(1, 2), (2, 2)])
@@ -105,10 +107,10 @@ def test_turns_by_the_stride_times_the_pool_are_exact_and_others_are_not(pool, s
     for sectors in (exact, 5 * exact, -exact):
         turned = net.describe(images.roll(sectors, dims=1))
         assert relative_error(turned, plain.roll(sectors // pool, dims=1)) < 1e-5
-        score, yaw = net.compare(turned, plain)
+        score, turn = net.compare(turned, plain)
         assert torch.allclose(score.diagonal(), torch.ones(3), atol=1e-5)
         assert torch.allclose(
-            yaw.diagonal(), torch.full((3,), sectors * 2 * math.pi / 48), atol=1e-4
+            turn.diagonal(), torch.full((3,), sectors * 2 * math.pi / 48), atol=1e-4
         )
     between = net.compare(net.describe(images.roll(1, dims=1)), plain).score.diagonal()
     print(f"1 - score after a turn by one of {exact} sectors: {(1 - between).tolist()}")

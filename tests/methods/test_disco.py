@@ -1,4 +1,4 @@
-"""DiSCO: turns that change nothing and those that do, the yaw by phase correlation, settings."""
+"""DiSCO: turns that change nothing and those that do, the turn by phase correlation, settings."""
 
 import json
 import math
@@ -171,11 +171,11 @@ def test_the_yaw_is_the_turn_of_the_points_from_entry_to_query(steps):
 
     database = torch.cat([describe(points) for points in scans])
     query = describe(turn_points(scans[1], angle))
-    score, yaw = net.compare(query, database)
+    score, turn = net.compare(query, database)
     assert score.argmax().item() == 1
     wanted = angle if angle < math.pi else angle - 2 * math.pi
-    assert yaw[0, 1].item() == pytest.approx(wanted, abs=1e-4)
-    back = net.compare(database[1:2], query).yaw.item()
+    assert turn[0, 1].item() == pytest.approx(wanted, abs=1e-4)
+    back = net.compare(database[1:2], query).turn.item()
     assert math.cos(back + wanted) == pytest.approx(1.0, abs=1e-4)
 
 
@@ -183,13 +183,13 @@ def test_the_yaw_is_the_turn_of_the_points_from_entry_to_query(steps):
 def test_only_the_most_alike_are_aligned(aligned):
     net = network(aligned=aligned)
     queries, database = net.describe(images(3)), net.describe(images(5, seed=10))
-    score, yaw = net.compare(queries, database)
-    known = yaw.isfinite()
+    score, turn = net.compare(queries, database)
+    known = turn.isfinite()
     assert known.sum(dim=1).tolist() == [min(aligned or 5, 5)] * 3
     assert known.gather(1, score.argmax(dim=1, keepdim=True)).all()
     assert score[known].view(3, -1).amin() >= score.masked_fill(known, -math.inf).amax(1).amin()
-    every = network(aligned=None).compare(queries, database).yaw
-    assert torch.equal(yaw[known], every[known])
+    every = network(aligned=None).compare(queries, database).turn
+    assert torch.equal(turn[known], every[known])
 
 
 def test_scores_are_negative_distances_of_signatures():

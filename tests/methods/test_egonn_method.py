@@ -53,7 +53,7 @@ def test_a_scan_finds_itself_and_knows_no_yaw():
     net, images = method(), scans(4)
     descriptors = net.describe(images)
     found = net.compare(descriptors, descriptors)
-    assert found.yaw is None
+    assert found.turn is None
     assert torch.equal(found.score.argmax(dim=1), torch.arange(4))
     assert torch.allclose(found.score.diagonal(), torch.zeros(4), atol=1e-6)
 

@@ -68,7 +68,7 @@ class Own:
 
 METHODS = {
     "deepring": (deepring, bevs, CorrelationIndex),
-    "deepring half": (lambda: deepring(turn="half"), bevs, CorrelationIndex),
+    "deepring half": (lambda: deepring(theta_range="half"), bevs, CorrelationIndex),
     "deepring l2": (lambda: deepring(similarity="l2", aggregation="dft2"), bevs, VectorIndex),
     "deepring cosine": (lambda: deepring(similarity="cosine"), bevs, VectorIndex),
     "ring": (lambda: Ring(BevRaster(cells=40), 40, 40), bevs, CorrelationIndex),
@@ -107,12 +107,12 @@ def test_the_index_finds_what_compare_finds(name):
     hits = index.search(queries, k=5)
     assert torch.allclose(hits.score, expected.score.topk(5).values, atol=2e-5)
     assert torch.allclose(hits.score, expected.score.gather(1, hits.place), atol=2e-5)
-    if expected.yaw is None:
-        assert hits.yaw is None
+    if expected.turn is None:
+        assert hits.turn is None
     else:
         # RING's correlation has two equal peaks half a turn apart.
         symmetry = 2 if name.startswith("ring") else 1
-        apart = symmetry * (hits.yaw - expected.yaw.gather(1, hits.place))
+        apart = symmetry * (hits.turn - expected.turn.gather(1, hits.place))
         assert torch.allclose(torch.cos(apart), torch.ones_like(apart))
 
 

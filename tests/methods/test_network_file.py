@@ -10,7 +10,7 @@ from deepring.errors import DeepringError
 from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.methods.network_file import (
-    NetworkFile,
+    TrainedNetwork,
     read_network,
     shipped_network,
     write_network,
@@ -26,7 +26,9 @@ def small():
 
 @pytest.fixture
 def written(tmp_path):
-    write_network(tmp_path / "a.safetensors", NetworkFile(small(), "campus+city", "CrossEntropy"))
+    write_network(
+        tmp_path / "a.safetensors", TrainedNetwork(small(), "campus+city", "CrossEntropy")
+    )
     return tmp_path / "a.safetensors"
 
 
@@ -36,7 +38,7 @@ def images(n=2):
 
 def test_written_and_read_it_describes_the_same(tmp_path):
     network = small()
-    write_network(tmp_path / "a.safetensors", NetworkFile(network, "campus", "CrossEntropy"))
+    write_network(tmp_path / "a.safetensors", TrainedNetwork(network, "campus", "CrossEntropy"))
     again, trained_on, loss = load_network(tmp_path / "a.safetensors")
     assert torch.equal(again.describe(images()), network.describe(images()))
     assert (trained_on, loss) == ("campus", "CrossEntropy")
@@ -46,7 +48,7 @@ def test_written_and_read_it_describes_the_same(tmp_path):
 def test_other_methods_travel_as_well(tmp_path):
     raster = raster_settings(PointsRaster(count=64))
     settings = PointNetVladSettings(raster, clusters=4)
-    write_network(tmp_path / "p.safetensors", NetworkFile(PointNetVlad(settings), "campus", "L"))
+    write_network(tmp_path / "p.safetensors", TrainedNetwork(PointNetVlad(settings), "campus", "L"))
     assert isinstance(read_network(tmp_path / "p.safetensors").method, PointNetVlad)
 
 

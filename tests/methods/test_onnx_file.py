@@ -71,7 +71,7 @@ def test_no_operator_is_complex_and_the_file_says_what_made_it(exported):
 
 
 def test_other_networks_are_refused(tmp_path):
-    for settings in ({"aggregation": "gap"}, {"turn": "half"}, {"normalisation": "none"}):
+    for settings in ({"aggregation": "gap"}, {"theta_range": "half"}, {"normalisation": "none"}):
         with pytest.raises(DeepringError, match="onnx: a network over BevRaster"):
             export_onnx(network(**settings), tmp_path / "a.onnx")
     raster = raster_settings(PolarRaster())

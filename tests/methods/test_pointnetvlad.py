@@ -98,8 +98,8 @@ def test_from_a_scan_in_any_order_to_the_same_descriptor():
 def test_scores_are_negative_distances_and_there_is_no_yaw():
     net = network()
     queries, database = net.describe(clouds(3)), net.describe(clouds(5, seed=10))
-    score, yaw = net.compare(queries, database)
-    assert yaw is None
+    score, turn = net.compare(queries, database)
+    assert turn is None
     for i in range(3):
         for j in range(5):
             distance = (queries[i] - database[j]).norm().item()

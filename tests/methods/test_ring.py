@@ -1,4 +1,4 @@
-"""RING: scores near one after a turn and a translation, yaw modulo π, symmetric scores."""
+"""RING: scores near one after a turn and a translation, turn modulo π, symmetric scores."""
 
 import math
 
@@ -24,8 +24,8 @@ def describe(*clouds):
     return Ring().describe(torch.from_numpy(images))
 
 
-def moved(points, x=0.0, y=0.0, yaw=0.0):
-    return turn_points(points + np.array([x, y, 0.0], dtype=np.float32), yaw)
+def moved(points, x=0.0, y=0.0, turn=0.0):
+    return turn_points(points + np.array([x, y, 0.0], dtype=np.float32), turn)
 
 
 def away_from(turn, period):
@@ -52,7 +52,7 @@ def test_a_turn_by_one_step_keeps_the_score_near_one():
     scores = []
     for seed in range(4):
         points = scattered(seed)
-        scores.append(Ring().compare(describe(moved(points, yaw=STEP)), describe(points)).score)
+        scores.append(Ring().compare(describe(moved(points, turn=STEP)), describe(points)).score)
     print(f"turned by one step: {[round(s.item(), 4) for s in scores]}")
     assert min(scores) > 0.98
 
@@ -73,26 +73,26 @@ def test_a_translation_keeps_the_score_near_one(x, y):
 @pytest.mark.parametrize("steps", [1, 10, 22, 45, 59])
 def test_the_yaw_is_the_turn_of_the_points_modulo_half_a_turn(steps):
     points = scattered(2)
-    turned = moved(points, 2.0, -1.0, yaw=steps * STEP)
-    yaw = Ring().compare(describe(turned), describe(points)).yaw.item()
-    assert away_from(yaw - steps * STEP, math.pi) < 1.01 * STEP
+    turned = moved(points, 2.0, -1.0, turn=steps * STEP)
+    turn = Ring().compare(describe(turned), describe(points)).turn.item()
+    assert away_from(turn - steps * STEP, math.pi) < 1.01 * STEP
     if steps not in (1, 59):  # those are near a multiple of π, where a mirrored sign hides
-        assert away_from(yaw + steps * STEP, math.pi) > 3 * STEP
+        assert away_from(turn + steps * STEP, math.pi) > 3 * STEP
 
 
 def test_half_a_turn_cannot_be_told():
     points = scattered(3)
-    turned = moved(points, yaw=math.pi)
-    score, yaw = Ring().compare(describe(turned), describe(points))
+    turned = moved(points, turn=math.pi)
+    score, turn = Ring().compare(describe(turned), describe(points))
     assert score > 0.999
-    assert away_from(yaw.item(), math.pi) < 1e-3
+    assert away_from(turn.item(), math.pi) < 1e-3
 
 
 def test_scores_are_symmetric_and_yaws_change_sign():
     one, other = describe(*(scattered(s) for s in range(3))), describe(scattered(7), scattered(8))
     forth, back = Ring().compare(one, other), Ring().compare(other, one)
     assert torch.allclose(forth.score, back.score.T, atol=1e-5)
-    sums = forth.yaw + back.yaw.T
+    sums = forth.turn + back.turn.T
     assert all(away_from(turn, math.pi) < 1e-4 for turn in sums.flatten().tolist())
 
 
@@ -139,10 +139,10 @@ def test_the_published_correlation_scores_in_zero_to_one():
 @pytest.mark.parametrize("steps", [10, 22, 45])
 def test_the_published_correlation_has_the_same_yaw(steps):
     points = scattered(2)
-    places = describe(moved(points, 2.0, -1.0, yaw=steps * STEP)), describe(points)
-    yaw = Ring(correlation="published").compare(*places).yaw.item()
-    assert away_from(yaw - steps * STEP, math.pi) < 1.01 * STEP
-    assert away_from(yaw + steps * STEP, math.pi) > 3 * STEP
+    places = describe(moved(points, 2.0, -1.0, turn=steps * STEP)), describe(points)
+    turn = Ring(correlation="published").compare(*places).turn.item()
+    assert away_from(turn - steps * STEP, math.pi) < 1.01 * STEP
+    assert away_from(turn + steps * STEP, math.pi) > 3 * STEP
 
 
 def test_another_correlation_is_named():

@@ -1,4 +1,4 @@
-"""RING++: turns roll the descriptor, translations hardly change it, the yaw modulo π."""
+"""RING++: turns roll the descriptor, translations hardly change it, the turn modulo π."""
 
 import math
 
@@ -28,8 +28,8 @@ def describe(*clouds):
     return RingPlusPlus(RASTER).describe(torch.from_numpy(images))
 
 
-def moved(points, x=0.0, y=0.0, yaw=0.0):
-    return turn_points(points + np.array([x, y, 0.0], dtype=np.float32), yaw)
+def moved(points, x=0.0, y=0.0, turn=0.0):
+    return turn_points(points + np.array([x, y, 0.0], dtype=np.float32), turn)
 
 
 def away_from(turn, period):
@@ -65,7 +65,9 @@ def test_each_channel_is_described_by_itself():
 
 @pytest.mark.parametrize("steps", [1, 22, 30, 45])
 def test_a_turn_by_whole_steps_rolls_the_descriptor(steps, places):
-    turned = describe(*(moved(scattered(seed, radius=40.0), yaw=steps * STEP) for seed in range(5)))
+    turned = describe(
+        *(moved(scattered(seed, radius=40.0), turn=steps * STEP) for seed in range(5))
+    )
     rolled = relative_error(turned, places.roll(steps, dims=1))
     back = relative_error(turned, places.roll(-steps, dims=1))
     others = relative_error(places.roll(1, dims=0), places)
@@ -90,12 +92,12 @@ def test_a_translation_changes_the_descriptor_little(x, y, places):
 @pytest.mark.parametrize("correlation", ["paper", "published"])
 @pytest.mark.parametrize("steps", [10, 22, 45])
 def test_it_finds_a_turned_scan_and_its_yaw_modulo_half_a_turn(steps, correlation, places):
-    query = describe(moved(scattered(2, radius=40.0), 2.0, -1.0, yaw=steps * STEP))
-    score, yaw = RingPlusPlus(RASTER, correlation=correlation).compare(query, places)
+    query = describe(moved(scattered(2, radius=40.0), 2.0, -1.0, turn=steps * STEP))
+    score, turn = RingPlusPlus(RASTER, correlation=correlation).compare(query, places)
     assert score.argmax() == 2
     assert score.max() < 1 + 1e-5
-    assert away_from(yaw[0, 2].item() - steps * STEP, math.pi) < 1.01 * STEP
-    assert away_from(yaw[0, 2].item() + steps * STEP, math.pi) > 3 * STEP
+    assert away_from(turn[0, 2].item() - steps * STEP, math.pi) < 1.01 * STEP
+    assert away_from(turn[0, 2].item() + steps * STEP, math.pi) > 3 * STEP
 
 
 @pytest.mark.parametrize("correlation", ["paper", "published"])
@@ -110,11 +112,11 @@ def test_a_scan_scores_one_with_itself_and_an_empty_one_zero(correlation, places
 
 def test_half_a_turn_cannot_be_told():
     points = scattered(3)
-    score, yaw = RingPlusPlus(RASTER).compare(
-        describe(moved(points, yaw=math.pi)), describe(points)
+    score, turn = RingPlusPlus(RASTER).compare(
+        describe(moved(points, turn=math.pi)), describe(points)
     )
     assert score > 0.99
-    assert away_from(yaw.item(), math.pi) < 1e-3
+    assert away_from(turn.item(), math.pi) < 1e-3
 
 
 def test_what_does_not_fit_is_named():

@@ -1,4 +1,4 @@
-"""Scan Context against brute-force loops over column shifts and ring keys; the yaw's sign."""
+"""Scan Context against brute-force loops over column shifts and ring keys; the turn's sign."""
 
 import math
 
@@ -72,18 +72,19 @@ def test_empty_columns_do_not_count():
 
 def test_two_empty_scans_have_nothing_in_common():
     empty = torch.zeros(2, 12, 5)
-    score, yaw = ScanContext().compare(empty, torch.cat([empty, as_tensor(contexts(1, 12, 5, 0))]))
+    score, turn = ScanContext().compare(empty, torch.cat([empty, as_tensor(contexts(1, 12, 5, 0))]))
     assert torch.equal(score, torch.zeros(2, 3))
-    assert torch.isfinite(yaw).all()
+    assert torch.isfinite(turn).all()
 
 
 @pytest.mark.parametrize("shift", [0, 1, 5, 29, 31, 59])
 def test_a_shift_of_the_columns_costs_nothing_and_is_the_yaw(shift):
     entry = as_tensor(contexts(1, 60, 20, seed=1))
-    score, yaw = ScanContext().compare(entry.roll(shift, dims=1), entry)
+    score, turn = ScanContext().compare(entry.roll(shift, dims=1), entry)
     assert score.item() == pytest.approx(1.0, abs=1e-5)
-    turn = shift * 2 * math.pi / 60
-    assert yaw.item() == pytest.approx(turn if turn < math.pi else turn - 2 * math.pi, abs=1e-5)
+    wanted = shift * 2 * math.pi / 60
+    wanted = wanted if wanted < math.pi else wanted - 2 * math.pi
+    assert turn.item() == pytest.approx(wanted, abs=1e-5)
 
 
 def test_the_yaw_is_the_turn_of_the_points_from_entry_to_query():
@@ -93,10 +94,10 @@ def test_the_yaw_is_the_turn_of_the_points_from_entry_to_query():
     query, entry = (
         method.describe(torch.from_numpy(method.raster(p, 0.0))[None]) for p in (turned, points)
     )
-    score, yaw = method.compare(query, entry)
+    score, turn = method.compare(query, entry)
     assert score > 0.97
-    assert yaw.item() == pytest.approx(steps * 2 * math.pi / 60, abs=1e-4)  # not its negative
-    assert method.compare(entry, query).yaw.item() == pytest.approx(-yaw.item(), abs=1e-4)
+    assert turn.item() == pytest.approx(steps * 2 * math.pi / 60, abs=1e-4)  # not its negative
+    assert method.compare(entry, query).turn.item() == pytest.approx(-turn.item(), abs=1e-4)
 
 
 def test_scores_are_symmetric():

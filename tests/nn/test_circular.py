@@ -164,13 +164,13 @@ def test_bad_arguments_are_named(name, arguments):
         CircularConv2d(1, 1, **arguments)
 
 
-@pytest.mark.parametrize("turn", ["full", "half"])
+@pytest.mark.parametrize("theta_range", ["full", "half"])
 @pytest.mark.parametrize("tau", ["circular", "zero"])
 @pytest.mark.parametrize("pad", [1, 2])
-def test_gradients_are_those_of_the_numbers_themselves(pad, tau, turn):
+def test_gradients_are_those_of_the_numbers_themselves(pad, tau, theta_range):
     x = image(2, 1, 3, 4).requires_grad_()
-    assert torch.autograd.gradcheck(lambda t: circular_pad(t, pad, tau, turn), x)
-    assert torch.autograd.gradcheck(lambda t: circular_upsample(t, tau, turn), x)
+    assert torch.autograd.gradcheck(lambda t: circular_pad(t, pad, tau, theta_range), x)
+    assert torch.autograd.gradcheck(lambda t: circular_upsample(t, tau, theta_range), x)
 
 
 def test_padding_is_the_same_for_channels_last_and_in_inference():

@@ -32,19 +32,19 @@ def strip(rows=16, bins=12, channels=1, seed=0):
 
 def test_half_a_turn_is_the_first_half_of_a_full_one():
     image = torch.rand(3, 20, 20)
-    full, half = radon(image, 24, 18), radon(image, 12, 18, turn="half")
+    full, half = radon(image, 24, 18), radon(image, 12, 18, theta_range="half")
     assert torch.equal(half, full[:, :12])
-    assert radon(image, 11, 18, turn="half").shape == (3, 11, 18)  # odd is no trouble here
+    assert radon(image, 11, 18, theta_range="half").shape == (3, 11, 18)  # odd is no trouble here
     gradient = image.clone().requires_grad_()
-    assert torch.allclose(radon(gradient, 12, 18, turn="half"), half, atol=1e-5)
+    assert torch.allclose(radon(gradient, 12, 18, theta_range="half"), half, atol=1e-5)
 
 
 def test_a_quarter_turn_of_the_image_shifts_and_flips():
     image = torch.rand(1, 20, 20)
     # 12 rows over 180 degrees: a quarter turn is 6 rows. Axes are [x, y], and rot90 turns the
     # first towards the second: counter-clockwise.
-    half = radon(image, 12, 20, turn="half")
-    rotated = radon(torch.rot90(image, 1, (1, 2)), 12, 20, turn="half")
+    half = radon(image, 12, 20, theta_range="half")
+    rotated = radon(torch.rot90(image, 1, (1, 2)), 12, 20, theta_range="half")
     assert relative_error(rotated, turned(half, 6)) < 1e-5
     assert relative_error(rotated, half.roll(6, -2)) > 0.05  # the usual misreading: a plain roll
     assert relative_error(rotated, turned(half, -6)) > 0.05  # and the other way round
@@ -87,7 +87,7 @@ def test_upsampling_commutes_with_twice_the_turn(tau):
 @pytest.mark.parametrize("strides", [1, 3, 4, 5])
 def test_the_unet_commutes_with_turns_by_its_stride(strides):
     torch.manual_seed(2)
-    unet = CircularUNet((4, 6, 8), turn="half").double().eval()
+    unet = CircularUNet((4, 6, 8), theta_range="half").double().eval()
     shift = strides * unet.stride
     assert_equivariant(unet, strip(), lambda t: turned(t, shift), lambda t: turned(t, shift), 1e-12)
 
@@ -95,7 +95,7 @@ def test_the_unet_commutes_with_turns_by_its_stride(strides):
 @torch.no_grad()
 def test_a_unet_over_a_full_turn_would_not():
     torch.manual_seed(2)
-    unet, x = CircularUNet((4, 6, 8), turn="full").double().eval(), strip()
+    unet, x = CircularUNet((4, 6, 8), theta_range="full").double().eval(), strip()
     assert relative_error(unet(turned(x, 4)), turned(unet(x), 4)) > 1e-3
 
 
@@ -109,7 +109,7 @@ def half_turn_network():
     raster = raster_settings(BevRaster(cells=64))
     return DeepRing(
         DeepRingSettings(
-            raster=raster, angles=64, bins=64, turn="half", widths=(4, 6), convolutions=1
+            raster=raster, angles=64, bins=64, theta_range="half", widths=(4, 6), convolutions=1
         )
     ).eval()
 
@@ -122,9 +122,9 @@ def test_a_network_over_half_a_turn_finds_the_yaw_up_to_180_degrees():
     a, b = network.describe(image), network.describe(quarter)
     found = network.compare(b, a)
     assert found.score.item() == pytest.approx(1, abs=1e-4)
-    assert abs(abs(found.yaw.item()) - math.pi / 2) < 1e-5
+    assert abs(abs(found.turn.item()) - math.pi / 2) < 1e-5
     upside_down = network.describe(torch.rot90(image, 2, (1, 2)))
-    assert abs(network.compare(upside_down, a).yaw.item()) < 1e-5  # 180 degrees looks like none
+    assert abs(network.compare(upside_down, a).turn.item()) < 1e-5  # 180 degrees looks like none
 
 
 def test_half_turn_yaw_has_the_sign_of_the_turn():
@@ -136,13 +136,13 @@ def test_half_turn_yaw_has_the_sign_of_the_turn():
             return network.normalise(network.aggregate(network.encoder(sinogram)))
 
     for rows in (10, -10):
-        yaw = network.compare(describe(turned(x, rows)), describe(x)).yaw.diagonal()
-        assert torch.allclose(yaw, torch.full((2,), rows * math.pi / 64), atol=1e-5)
+        turn = network.compare(describe(turned(x, rows)), describe(x)).turn.diagonal()
+        assert torch.allclose(turn, torch.full((2,), rows * math.pi / 64), atol=1e-5)
 
 
 def test_only_a_sinogram_has_half_a_turn():
     polar = raster_settings(PolarRaster(24, 16))
-    with pytest.raises(DeepringError, match=r"representation\.turn"):
-        DeepRing(DeepRingSettings(raster=polar, angles=None, bins=None, turn="half"))
+    with pytest.raises(DeepringError, match=r"representation\.theta_range"):
+        DeepRing(DeepRingSettings(raster=polar, angles=None, bins=None, theta_range="half"))
     with pytest.raises(DeepringError, match="'quarter'"):
-        DeepRing(DeepRingSettings(turn="quarter"))
+        DeepRing(DeepRingSettings(theta_range="quarter"))

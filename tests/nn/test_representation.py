@@ -36,17 +36,20 @@ def test_sinogram_shapes(angles, bins, pool):
 @pytest.mark.parametrize("pool", [1, 2])
 @pytest.mark.parametrize("quarters", [1, 2, 3])
 def test_a_quarter_turn_of_the_bev_rolls_a_quarter_of_the_rows(quarters, pool):
-    def turn(x):
+    def theta_range(x):
         return torch.rot90(x, quarters, dims=(1, 2))
 
     rows = 48 // pool
     assert_equivariant(
-        Sinogram(48, 40, pool), bev(), turn, lambda s: s.roll(quarters * rows // 4, dims=2)
+        Sinogram(48, 40, pool), bev(), theta_range, lambda s: s.roll(quarters * rows // 4, dims=2)
     )
     if quarters != 2:  # half a turn is the same either way
         with pytest.raises(EquivarianceError):
             assert_equivariant(
-                Sinogram(48, 40, pool), bev(), turn, lambda s: s.roll(-quarters * rows // 4, 2)
+                Sinogram(48, 40, pool),
+                bev(),
+                theta_range,
+                lambda s: s.roll(-quarters * rows // 4, 2),
             )
 
 

@@ -147,7 +147,7 @@ def test_group_norm_takes_widths_that_eight_does_not_divide():
         ("norm", {"norm": "layer"}),
         ("tau_padding", {"tau_padding": "same"}),
         ("stem", {"stem": 0}),
-        ("stem", {"stem": 2, "turn": "half"}),
+        ("stem", {"stem": 2, "theta_range": "half"}),
     ],
 )
 def test_bad_arguments_are_named(name, arguments):

@@ -27,7 +27,12 @@ def config(seed=0, changes=()):
         "train_data": {},
         "preprocessing": {"window": 5},
         "evaluation": {"region": "test", "radii": [10.0, 5.0], "over": "answerable"},
-        "representation": {"raster": {"kind": "bev"}, "angles": 120, "pool": 2, "turn": "full"},
+        "representation": {
+            "raster": {"kind": "bev"},
+            "angles": 120,
+            "pool": 2,
+            "theta_range": "full",
+        },
         "encoder": {"widths": [8, 16]},
         "aggregation": {"kind": "dft"},
         "similarity": {"kind": "correlation", "normalisation": "unit"},
@@ -132,7 +137,7 @@ def test_anything_else_does(changes):
 
 def test_a_config_from_before_a_key_existed_is_one_row_with_those_that_say_the_same():
     old = run(seed=1)
-    del old.config["similarity"]["kind"], old.config["representation"]["turn"]
+    del old.config["similarity"]["kind"], old.config["representation"]["theta_range"]
     new = run(changes={"evaluation.regions": ["test"]})
     del new.config["evaluation"]["region"]
     assert len(collect_rows([new, old]).rows) == 1
@@ -222,7 +227,7 @@ def test_a_key_that_follows_from_the_components_is_no_column_and_one_that_does_n
 
 @pytest.mark.parametrize(
     "changes",
-    [{"similarity.kind": "cosine"}, {"representation.turn": "half"}, {"episode.ways": 8}],
+    [{"similarity.kind": "cosine"}, {"representation.theta_range": "half"}, {"episode.ways": 8}],
 )
 def test_another_setting_than_the_papers_has_no_paper_value(changes):
     assert column(shown_grid(table([run(changes=changes), run(changes=PG)])), "paper")[1] == "-"

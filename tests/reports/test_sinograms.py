@@ -31,10 +31,10 @@ def test_what_lies_forward_and_left_is_drawn_up_and_left():
     assert drawn.origin == "lower"
 
 
-def test_the_peak_is_marked_in_rows_and_degrees_beside_the_true_yaw(tmp_path):
-    figure = sinogram_figure(*inputs(), EXTENT, true_yaw=-238.0)
+def test_the_peak_is_marked_in_rows_and_degrees_beside_the_true_turn(tmp_path):
+    figure = sinogram_figure(*inputs(), EXTENT, true_turn=-238.0)
     texts = [text.get_text() for text in figure.axes[3].get_legend().get_texts()]
-    assert texts == ["true yaw 122.0°", "peak 120° (4 of 12 rows)"]
+    assert texts == ["true turn 122.0°", "peak 120° (4 of 12 rows)"]
     assert [120.0, 1.0] in [line.get_xydata()[0].tolist() for line in figure.axes[3].lines]
     save(figure, tmp_path / "sinogram.png", dpi=40)
 

@@ -9,15 +9,15 @@ from matplotlib import image
 
 import deepring.reports
 from deepring.errors import DeepringError
-from deepring.reports.style import PALETTE, dress, new_figure, save, series
+from deepring.reports.style import PALETTE, new_figure, save, series, style_axes
 
 SOURCES = sorted(Path(deepring.reports.__file__).parent.glob("*.py"))
-FIGURES = ("curves", "sinograms", "style", "trajectory")
+FIGURES = ("curves", "sinograms", "style", "trajectory_figure")
 
 
 def drawn():
     figure = new_figure(3.0, 2.0)
-    dress(figure.add_subplot(), "title", "across", "up")
+    style_axes(figure.add_subplot(), "title", "across", "up")
     return figure
 
 

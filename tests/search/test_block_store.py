@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 
 from deepring.errors import DeepringError
 from deepring.search import block_store as rows_module
-from deepring.search.block_store import Rows
+from deepring.search.block_store import BlockStore
 from deepring.search.hits import Best
 
 
 @given(st.lists(st.integers(0, 9), min_size=1, max_size=12), st.integers(1, 6), st.integers(0, 3))
 def test_rows_are_those_that_were_added(counts, size, attached):
-    rows, parts, total = Rows(), [], 0
+    rows, parts, total = BlockStore(), [], 0
     for number, count in enumerate(counts):
         part = torch.arange(total, total + count).float()[:, None] * torch.tensor([1.0, -1.0])
         named = {"a": part, "b": part[:, 0].long(), "code": part.T.contiguous()}
@@ -43,7 +43,7 @@ def test_rows_are_those_that_were_added(counts, size, attached):
 
 def test_closed_blocks_are_not_copied_again(monkeypatch):
     monkeypatch.setattr(rows_module, "BLOCK", 8)
-    rows = Rows()
+    rows = BlockStore()
     rows.add({"a": torch.arange(6)})
     first = rows.blocks()[0]["a"].data_ptr()
     for k in range(6, 40):
@@ -55,7 +55,7 @@ def test_closed_blocks_are_not_copied_again(monkeypatch):
 
 def test_columns_of_different_lengths_are_refused():
     with pytest.raises(DeepringError, match=r"\[2, 3\] rows"):
-        Rows().add({"a": torch.zeros(2), "b": torch.zeros(3)})
+        BlockStore().add({"a": torch.zeros(2), "b": torch.zeros(3)})
 
 
 @given(st.lists(st.integers(0, 3), min_size=1, max_size=30), st.integers(1, 5), st.integers(1, 7))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from deepring.core.correlation import circular_cross_correlation, unit_norm
 from deepring.errors import DeepringError
-from deepring.search.block_store import Rows
+from deepring.search.block_store import BlockStore
 from deepring.search.code import CodeSettings, code_scores, fit_code
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
 from deepring.search.exact import batched, compiled
@@ -57,8 +57,8 @@ def test_float32_agrees_with_the_double_sum_yaw_included(q, d, rows, cols):
     score = curves.amax(dim=-1)
     assert torch.allclose(hits.score.double(), score.gather(1, hits.place), atol=1e-5)
     assert torch.equal(hits.score, hits.score.sort(dim=1, descending=True).values)
-    # The yaw is that of a best shift: the curve there is within rounding of the maximum.
-    steps = torch.round(hits.yaw / (2 * math.pi) * rows).long() % rows
+    # The turn is that of a best shift: the curve there is within rounding of the maximum.
+    steps = torch.round(hits.turn / (2 * math.pi) * rows).long() % rows
     reached = curves.gather(1, hits.place[..., None].expand(-1, -1, rows))
     at_yaw = reached.gather(2, steps[..., None])[..., 0]
     assert torch.allclose(at_yaw, score.gather(1, hits.place), atol=1e-5)
@@ -68,9 +68,9 @@ def test_yaw_turns_the_place_onto_the_query():
     database = maps(20, rows=24)
     hits = index_of(database).search(database[7:8].roll(5, dims=1))
     assert hits.place.item() == 7
-    assert hits.yaw.item() == pytest.approx(5 * 2 * math.pi / 24)  # not -5, its mirror
+    assert hits.turn.item() == pytest.approx(5 * 2 * math.pi / 24)  # not -5, its mirror
     half = index_of(database, period=math.pi).search(database[7:8].roll(5, dims=1))
-    assert half.yaw.item() == pytest.approx(5 * math.pi / 24)
+    assert half.turn.item() == pytest.approx(5 * math.pi / 24)
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -89,7 +89,7 @@ def test_precisions_stay_within_their_steps(precision):
 @pytest.mark.parametrize(("rows", "cols"), [(10, 5), (15, 20)])
 @pytest.mark.parametrize("k", [1, 3, 17])
 def test_compiled_and_torch_forms_agree(precision, rows, cols, k):
-    places = Rows()
+    places = BlockStore()
     for seed in (0, 1):
         spectra = encode(maps(17, rows, cols, seed), precision)
         assert spectra.values.shape == (17, rows // 2 + 1, 2, -(-cols // LANES) * LANES)
@@ -146,7 +146,7 @@ def test_two_stages_find_what_all_comparisons_find():
     quick = index.search(queries, k=3, exhaustive=False)
     assert torch.equal(quick.place[:, 0], exact.place[:, 0])
     assert torch.allclose(quick.score[:, 0], exact.score[:, 0], atol=1e-6)
-    assert torch.equal(quick.yaw[:, 0], exact.yaw[:, 0])
+    assert torch.equal(quick.turn[:, 0], exact.turn[:, 0])
     few = index_of(database, SearchSettings(candidates=1, candidate_share=0.0))
     assert few.candidates(queries, few.code).shape == (30, 1)
 
@@ -235,7 +235,7 @@ def test_saved_and_opened_it_finds_the_same_and_grows(tmp_path, precision):
         after = held.search(queries, 5)
         assert torch.equal(after.place, before.place)
         assert torch.equal(after.score, before.score)
-        assert torch.equal(after.yaw, before.yaw)
+        assert torch.equal(after.turn, before.turn)
     first = (tmp_path / "map" / "00000.safetensors").read_bytes()
     opened.add(queries)
     opened.save(tmp_path / "map")
@@ -248,7 +248,7 @@ def test_saved_and_opened_it_finds_the_same_and_grows(tmp_path, precision):
 
 def test_no_places_give_no_hits():
     hits = CorrelationIndex().search(maps(2), k=3)
-    assert hits.place.shape == hits.score.shape == hits.yaw.shape == (2, 0)
+    assert hits.place.shape == hits.score.shape == hits.turn.shape == (2, 0)
 
 
 def test_mistakes_are_named(tmp_path):

@@ -13,7 +13,7 @@ from torch.utils.data import DataLoader
 from deepring.data.cache import Rasters, pack
 from deepring.errors import DeepringError
 from deepring.rasters.kinds import BevRaster
-from deepring.training.episodes import EpisodeDataset, EpisodeOrder, EpisodeSettings, Places
+from deepring.training.episodes import BatchOrder, EpisodeDataset, EpisodeSettings, Places
 
 RASTER = BevRaster(cells=8)
 
@@ -173,7 +173,7 @@ def test_same_seed_same_episodes_for_any_number_of_workers(workers):
         loader = DataLoader(
             dataset_of(seed),
             batch_size=None,
-            sampler=EpisodeOrder(4),
+            sampler=BatchOrder(4),
             num_workers=workers,
             multiprocessing_context="fork" if workers else None,
         )
@@ -186,7 +186,7 @@ def test_same_seed_same_episodes_for_any_number_of_workers(workers):
 
 
 def test_episodes_of_an_epoch_and_of_different_epochs_differ():
-    episodes, order = dataset_of(seed=0), EpisodeOrder(4)
+    episodes, order = dataset_of(seed=0), BatchOrder(4)
     drawn = []
     for epoch in range(5):
         order.set_epoch(epoch)
@@ -197,7 +197,7 @@ def test_episodes_of_an_epoch_and_of_different_epochs_differ():
 @settings(max_examples=60, deadline=None)
 @given(st.integers(1, 9), st.integers(1, 4), st.integers(1, 4))
 def test_ranks_share_the_episodes_without_overlap_or_gap(per_epoch, world_size, epochs):
-    orders = [EpisodeOrder(per_epoch, rank, world_size) for rank in range(world_size)]
+    orders = [BatchOrder(per_epoch, rank, world_size) for rank in range(world_size)]
     assert len({len(order) for order in orders}) == 1  # or the ranks would wait for each other
     taken = []
     for epoch in range(epochs):
@@ -211,13 +211,13 @@ def test_ranks_share_the_episodes_without_overlap_or_gap(per_epoch, world_size, 
 
 
 def test_two_ranks_draw_together_what_one_draws_alone():
-    alone = list(EpisodeOrder(6))
-    halves = [list(EpisodeOrder(6, rank, 2)) for rank in range(2)]
+    alone = list(BatchOrder(6))
+    halves = [list(BatchOrder(6, rank, 2)) for rank in range(2)]
     assert sorted(halves[0] + halves[1]) == alone
     assert not set(halves[0]) & set(halves[1])
 
 
 def test_an_epoch_begins_again_where_it_is_set():
-    order = EpisodeOrder(3)
+    order = BatchOrder(3)
     order.set_epoch(2)
     assert list(order) == list(order) == [6, 7, 8]

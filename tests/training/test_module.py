@@ -13,7 +13,7 @@ from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.rasters.kinds import BevRaster, raster_settings
 from deepring.training.datamodule import RetrievalBatch
-from deepring.training.episodes import EpisodeDataset, EpisodeOrder, EpisodeSettings, Places
+from deepring.training.episodes import BatchOrder, EpisodeDataset, EpisodeSettings, Places
 from deepring.training.module import PlaceModule
 
 RASTER = BevRaster(cells=32)
@@ -43,7 +43,7 @@ class Toy(L.LightningDataModule):
         self.episodes = EpisodeDataset(pool, self.rasters, seed)
 
     def train_dataloader(self):
-        order = EpisodeOrder(EPISODE.per_epoch, self.trainer.global_rank, self.trainer.world_size)
+        order = BatchOrder(EPISODE.per_epoch, self.trainer.global_rank, self.trainer.world_size)
         return torch.utils.data.DataLoader(self.episodes, batch_size=None, sampler=order)
 
     def val_dataloader(self):
@@ -179,7 +179,7 @@ def test_two_processes_train_on_different_episodes_and_agree(tmp_path):
     model = module(optimizer=DESCENT)
     fit(model, tmp_path, 1, devices=2, strategy="ddp_spawn")
     found = torch.load(tmp_path / "last.ckpt", weights_only=True)["state_dict"]
-    first, second = (EpisodeOrder(EPISODE.per_epoch, rank, 2) for rank in range(2))
+    first, second = (BatchOrder(EPISODE.per_epoch, rank, 2) for rank in range(2))
     start = module().state_dict()
     apart = {
         name: furthest(found, state)

@@ -7,7 +7,7 @@ import torch
 from deepring.data.cache import Rasters, pack
 from deepring.errors import DeepringError
 from deepring.rasters.kinds import BevRaster, PolarRaster
-from deepring.training.training_scans import TrainingPool
+from deepring.training.training_scans import TrainingScans
 from deepring.training.tuples import TupleSettings
 
 RASTER = PolarRaster(sectors=24, rings=4)
@@ -20,7 +20,7 @@ def pool(places=12, scans=4, raster=RASTER, headings=None):
     rng = np.random.default_rng(0)
     place, scan = np.divmod(np.arange(n), scans)
     images = np.stack([pack(rng.random(raster.shape) < 0.2, raster) for _ in range(n)])
-    return TrainingPool(
+    return TrainingScans(
         np.column_stack([100.0 * place + 2.0 * scan, np.zeros(n)]),
         np.zeros(n, dtype=np.int64),
         np.zeros(n) if headings is None else headings,

@@ -89,7 +89,7 @@ def expect_form(name: str, form: str) -> None:
         )
 
 
-def shift_to_yaw(shift: Tensor, rows: int, period: float = 2 * math.pi) -> Tensor:
+def shift_to_turn(shift: Tensor, rows: int, period: float = 2 * math.pi) -> Tensor:
     """Rows to the turn of the points, radians in [-period/2, period/2): entry -> query.
 
     Counter-clockwise. ``period`` is the range of θ that the rows span.

@@ -15,14 +15,14 @@ from torch import Tensor
 
 from deepring.errors import DeepringError
 
-Turn = Literal["full", "half"]
+ThetaRange = Literal["full", "half"]
 """The range of θ: [0, 2π), or [0, π), beyond which R(θ + π, τ) = R(θ, -τ) repeats flipped."""
 
 
-def expect_turn(name: str, turn: str) -> None:
-    """Raise DeepringError where ``turn`` is no `Turn`."""
-    if turn not in get_args(Turn):
-        raise DeepringError(f"{name}: {turn!r}, expected 'full' or 'half'")
+def expect_theta_range(name: str, theta_range: str) -> None:
+    """Raise DeepringError where ``theta_range`` is no `Turn`."""
+    if theta_range not in get_args(ThetaRange):
+        raise DeepringError(f"{name}: {theta_range!r}, expected 'full' or 'half'")
 
 
 def radon(
@@ -30,7 +30,7 @@ def radon(
     angles: int = 120,
     bins: int | None = None,
     extent: float = 1.0,
-    turn: Turn = "full",
+    theta_range: ThetaRange = "full",
 ) -> Tensor:
     """Sinogram (..., angles, bins) float32 of images (..., n, n) indexed [x, y].
 
@@ -46,16 +46,16 @@ def radon(
         angles: rows of θ over the turn; even over a full one, since half of it gives the rest.
         bins: bins of τ over [-extent, extent]; n by default.
         extent: half the side of the image.
-        turn: θ over [0, 2π), 'full', or over [0, π), 'half', in equal steps without the end
+        theta_range: θ over [0, 2π), 'full', or over [0, π), 'half', in equal steps without the end
             point. Over half a turn a turn of the image by +π k / angles shifts the rows by +k,
             and those that pass the end come back flipped in τ.
     """
     if image.ndim < 2 or image.shape[-1] != image.shape[-2]:
         raise DeepringError(f"radon: image of shape {tuple(image.shape)}, expected (..., n, n)")
-    expect_turn("radon: turn", turn)
-    if angles < 1 or (turn == "full" and angles % 2):
+    expect_theta_range("radon: theta_range", theta_range)
+    if angles < 1 or (theta_range == "full" and angles % 2):
         raise DeepringError(f"radon: angles={angles}, expected an even number of at least 2")
-    count = angles // 2 if turn == "full" else angles
+    count = angles // 2 if theta_range == "full" else angles
     size = image.shape[-1]
     bins = size if bins is None else bins
     batch = image.reshape(-1, size, size)
@@ -64,7 +64,7 @@ def radon(
         rows = _compiled(batch, count, angles, bins, 2 * extent / size)
     else:
         rows = _half_turn(batch.to(torch.float32), count, bins)
-        rows = torch.cat([rows, rows.flip(-1)], dim=-2) if turn == "full" else rows
+        rows = torch.cat([rows, rows.flip(-1)], dim=-2) if theta_range == "full" else rows
         rows = rows * (2 * extent / size)
     return rows.reshape(*image.shape[:-2], angles, bins)
 

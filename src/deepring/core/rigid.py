@@ -1,5 +1,7 @@
 """Rigid transforms: rotation matrices, poses, planar yaw. float64 throughout."""
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -39,9 +41,28 @@ def yaw_of(pose: ArrayLike) -> FloatArray:
     return np.arctan2(pose[..., 1, 0], pose[..., 0, 0])
 
 
-def turn_points(points: NDArray[np.float32], yaw: float) -> NDArray[np.float32]:
-    """Turn points (n, 3) about z by ``yaw`` (rad, counter-clockwise)."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], dtype=points.dtype)
-    turned: NDArray[np.float32] = points @ turn.T
+def wrap_angle(angle: float) -> float:
+    """The same angle in [-π, π), radians."""
+    return (angle + math.pi) % (2 * math.pi) - math.pi
+
+
+def yaw_after_turn(yaw: float, turn: float) -> float:
+    """Heading of a sensor that sees the points turned by ``turn`` against one of heading ``yaw``.
+
+    Radians, counter-clockwise, in [-π, π). A sensor that turns left sees its surroundings turn
+    right: the heading is ``yaw - turn``. The other way round, the turn of the points between two
+    headings is ``yaw_after_turn(first, second)``. This is the one place where one becomes the
+    other.
+
+    >>> yaw_after_turn(0.5, 0.25)
+    0.25
+    """
+    return wrap_angle(yaw - turn)
+
+
+def turn_points(points: NDArray[np.float32], turn: float) -> NDArray[np.float32]:
+    """Turn points (n, 3) about z by ``turn`` (rad, counter-clockwise)."""
+    c, s = np.cos(turn), np.sin(turn)
+    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], dtype=points.dtype)
+    turned: NDArray[np.float32] = points @ rotation.T
     return turned

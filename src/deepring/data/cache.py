@@ -48,14 +48,14 @@ BATCH = 64
 class ScanSet:
     """Some scans of a session, in order, as a method is to see them.
 
-    ``ground_z`` is the z of the ground under the sensor in the scan's frame (metres); ``yaws``
+    ``ground_z`` is the z of the ground under the sensor in the scan's frame (metres); ``turns``
     (n,) radians turn each scan before it is drawn, None leaves them as they are.
     """
 
     session: Session
     indices: NDArray[np.int64]
     ground_z: float = 0.0
-    yaws: NDArray[np.float64] | None = None
+    turns: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.indices)
@@ -77,14 +77,14 @@ class ScanSet:
 
     def subset(self, keep: NDArray[np.bool_]) -> "ScanSet":
         """The scans where ``keep`` (n,) holds."""
-        yaws = None if self.yaws is None else self.yaws[keep]
-        return ScanSet(self.session, self.indices[keep], self.ground_z, yaws)
+        turns = None if self.turns is None else self.turns[keep]
+        return ScanSet(self.session, self.indices[keep], self.ground_z, turns)
 
     def draw(self, k: int, raster: Raster) -> NDArray[Any]:
         """Read scan ``k`` of the set and draw it. Raises BrokenScanError."""
         points = self.session.points(int(self.indices[k]))
-        if self.yaws is not None:
-            points = turn_points(points, float(self.yaws[k]))
+        if self.turns is not None:
+            points = turn_points(points, float(self.turns[k]))
         return raster(points, self.ground_z)
 
 
@@ -223,11 +223,11 @@ def _keys(scans: ScanSet, raster: Raster) -> list[_Key]:
             size, changed = -1, -1  # drawing it will say what is wrong
         else:
             size, changed = status.st_size, status.st_mtime_ns
-        yaw = None if scans.yaws is None else float(scans.yaws[k])
-        if yaw not in digests:
-            settings = json.dumps({**everything, "yaw": yaw}, sort_keys=True).encode()
-            digests[yaw] = hashlib.sha256(settings).digest()
-        keys.append(_Key(digests[yaw], str(path), size, changed))
+        turn = None if scans.turns is None else float(scans.turns[k])
+        if turn not in digests:
+            settings = json.dumps({**everything, "turn": turn}, sort_keys=True).encode()
+            digests[turn] = hashlib.sha256(settings).digest()
+        keys.append(_Key(digests[turn], str(path), size, changed))
     return keys
 
 

@@ -64,7 +64,7 @@ class DatasetConfig:
     #: z of the ground under the sensor in the scan's frame, metres; None takes the session's.
     ground_z: float | None = 0.0
     #: Seed of a random turn of each query; None turns none.
-    query_yaw_seed: int | None = None
+    query_turn_seed: int | None = None
     #: Further options of the reader, such as pose_tolerance.
     reader: dict[str, Any] = field(default_factory=dict)
 
@@ -109,7 +109,7 @@ class PlaceDataset:
     def _open(self, name: str | None) -> Session:
         c = self.config
         session = open_session(c.format, c.root, name, **c.reader)
-        left_out = session.omissions
+        left_out = session.skipped
         if str(left_out):
             level = logging.WARNING if left_out.broken or left_out.without_pose else logging.INFO
             log.log(level, "%s %s: left out %s", c.name, session.name, left_out)
@@ -179,7 +179,7 @@ class PlaceDataset:
             )
             first = ~again
         database = self._scans(self.database, region, spacing.database, first)
-        query = self._scans(self.query, region, spacing.query, again, self.config.query_yaw_seed)
+        query = self._scans(self.query, region, spacing.query, again, self.config.query_turn_seed)
         return RetrievalSet(self.name, region, database, query)
 
     def _scans(
@@ -188,7 +188,7 @@ class PlaceDataset:
         region: str,
         spacing: float,
         among: NDArray[np.bool_] | None = None,
-        yaw_seed: int | None = None,
+        turn_seed: int | None = None,
     ) -> ScanSet:
         mask = self.mask(region, session)
         if not mask.any():
@@ -205,10 +205,10 @@ class PlaceDataset:
                 "region"
             )
         indices = sample_by_distance(session.positions, spacing, mask)
-        yaws = None
-        if yaw_seed is not None:
-            yaws = np.random.default_rng(yaw_seed).uniform(0, 2 * np.pi, len(indices))
-        return ScanSet(session, indices, self._ground_z(session), yaws)
+        turns = None
+        if turn_seed is not None:
+            turns = np.random.default_rng(turn_seed).uniform(0, 2 * np.pi, len(indices))
+        return ScanSet(session, indices, self._ground_z(session), turns)
 
     def _ground_z(self, session: Session) -> float:
         ground_z = session.ground_z if self.config.ground_z is None else self.config.ground_z

@@ -12,7 +12,7 @@ Points = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class Omissions:
+class SkippedScans:
     """What a reader left out of a session, and why; printed, never silent."""
 
     broken: tuple[str, ...] = ()  # files that cannot be decoded, each with its reason
@@ -48,7 +48,7 @@ class Session:
     ground_truth: NDArray[np.float64]
     stamps: NDArray[np.int64] | None
     read: Callable[[Path], Points]
-    omissions: Omissions = field(default_factory=Omissions)
+    skipped: SkippedScans = field(default_factory=SkippedScans)
     axes: tuple[str, str] = ("x", "y")  # names of the two ground-truth coordinates
     ground_z: float | None = None  # of the ground in the scans' frame, where the session knows it
 

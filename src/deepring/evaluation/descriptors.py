@@ -76,7 +76,7 @@ class Descriptors:
     """z of the ground under the sensor in the scans' frame, metres."""
     seconds_per_scan: float
     """From points to descriptor, measured on the queries when these were exported."""
-    yaws: NDArray[np.float64] | None = None
+    turns: NDArray[np.float64] | None = None
     """(n,) radians by which the scans were turned; None where they were left as they are."""
 
     def __post_init__(self) -> None:
@@ -110,9 +110,9 @@ class Descriptors:
 
     @property
     def tensors(self) -> dict[str, NDArray[Any]]:
-        """The arrays by name; ``yaws`` where there are any."""
+        """The arrays by name; ``turns`` where there are any."""
         arrays = {name: getattr(self, name) for name in _TENSORS}
-        return arrays if self.yaws is None else {**arrays, "yaws": self.yaws}
+        return arrays if self.turns is None else {**arrays, "turns": self.turns}
 
     def _check(self, where: str, name: str, array: NDArray[Any]) -> None:
         wanted = np.dtype(_TENSORS.get(name, np.float64))
@@ -170,8 +170,8 @@ def write_descriptors(path: str | Path, descriptors: Descriptors) -> None:
     """
     tensors = {name: np.ascontiguousarray(a) for name, a in descriptors.tensors.items()}
     plain = [field.name for field in fields(descriptors) if field.name not in tensors]
-    header = {name: getattr(descriptors, name) for name in plain if name != "yaws"}
-    header["turned"] = descriptors.yaws is not None
+    header = {name: getattr(descriptors, name) for name in plain if name != "turns"}
+    header["turned"] = descriptors.turns is not None
     metadata = {_KEY: _sealed({"version": FORMAT_VERSION, **header}, tensors)}
     write_whole(Path(path), [save(tensors, metadata)])
 

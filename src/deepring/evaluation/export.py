@@ -39,7 +39,7 @@ class Export:
                 descriptors=described.descriptors[:].detach().cpu().numpy(),
                 positions=described.positions,
                 indices=scans.indices,
-                yaws=scans.yaws,
+                turns=scans.turns,
                 **vars(self.labels),
                 side=side,
                 session=scans.session.name,

@@ -70,7 +70,7 @@ class Retrieved:
     """(q,) its number in the database."""
     score: NDArray[np.float32]
     """(q,) its score; higher is more alike."""
-    yaw: NDArray[np.float32] | None
+    turn: NDArray[np.float32] | None
     """(q,) the turn of the points from it to the query, radians; None where not known."""
     distance: NDArray[np.float32]
     """(q,) metres from the query to it."""
@@ -233,7 +233,7 @@ def _look_up(
     """The best place a query, and seconds to look one up; metrics see each batch of scores."""
     entries = database.descriptors[:].to(device)
     columns: list[tuple[Tensor, ...]] = []
-    turns: list[Tensor] = []
+    best_turns: list[Tensor] = []
     seconds = 0.0
     for start in range(0, len(query), BATCH):
         rows = slice(start, start + BATCH)
@@ -241,7 +241,7 @@ def _look_up(
         if described.is_cuda:  # else the clock would count what is still being described
             torch.cuda.synchronize(described.device)
         started = time.perf_counter()
-        score, yaw = method.compare(described, entries)
+        score, turn = method.compare(described, entries)
         score = score.cpu()  # waits for the device
         best = score.argmax(dim=1, keepdim=True)
         seconds += time.perf_counter() - started
@@ -253,13 +253,13 @@ def _look_up(
         )
         if progress is not None:
             progress(min(rows.stop, len(query)), len(query))
-        if yaw is not None:
-            turns.append(yaw.cpu().gather(1, best))
+        if turn is not None:
+            best_turns.append(turn.cpu().gather(1, best))
     place, top, distance, nearest = (
         torch.cat(column).squeeze(1).numpy() for column in zip(*columns, strict=True)
     )
-    yaws = torch.cat(turns).squeeze(1).numpy() if turns else None
-    return Retrieved(place, top, yaws, distance, nearest), seconds / len(query)
+    turns = torch.cat(best_turns).squeeze(1).numpy() if best_turns else None
+    return Retrieved(place, top, turns, distance, nearest), seconds / len(query)
 
 
 def seconds_per_scan(

@@ -63,7 +63,7 @@ def evaluate_reranked(
         candidates = align_candidates(
             images.query.rasters[q : q + 1][0],
             hits.place[q],
-            None if hits.yaw is None else hits.yaw[q],
+            None if hits.turn is None else hits.turn[q],
             images.database.rasters[hits.place[q].numpy()],
             settings,
         )
@@ -84,7 +84,7 @@ def _search(method: Method, task: Task, k: int, device: torch.device | None) -> 
 def _planar_poses(side: Side) -> Tensor:
     """x, y and heading in the world of each scan as it was shown to the method: (n, 3)."""
     scans = side.scans
-    heading = scans.headings if scans.yaws is None else scans.headings - scans.yaws
+    heading = scans.headings if scans.turns is None else scans.headings - scans.turns
     return torch.from_numpy(np.column_stack([scans.positions, heading]))
 
 

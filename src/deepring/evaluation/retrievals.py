@@ -21,7 +21,7 @@ from deepring.io.files import replacing
 #: The folder of these files in a run's folder.
 FOLDER = "retrievals"
 
-COLUMNS = ("query", "place", "score", "yaw", "distance", "nearest")
+COLUMNS = ("query", "place", "score", "turn", "distance", "nearest")
 _LABELS = ("method", "train", "test", "region")
 
 
@@ -40,7 +40,7 @@ class Retrievals:
     """(q,) index of the retrieved scan in the database's session."""
     score: NDArray[np.float32]
     """(q,) higher is more alike."""
-    yaw: NDArray[np.float32] | None
+    turn: NDArray[np.float32] | None
     """(q,) the turn of the points from the place to the query, radians; None where not known."""
     distance: NDArray[np.float32]
     """(q,) metres from the query to the place."""
@@ -90,7 +90,7 @@ def write_retrievals(
         )
     found = places[r.place]
     kept = Retrievals(
-        method, train, test, region, queries, found, r.score, r.yaw, r.distance, r.nearest
+        method, train, test, region, queries, found, r.score, r.turn, r.distance, r.nearest
     )
     path = Path(folder) / FOLDER / kept.file_name
     if path.exists() and _labels(kept) != (other := _labels_at(path)):
@@ -118,13 +118,13 @@ def read_retrievals(path: str | Path) -> Retrievals:
             rows = [_parse(path, reader.line_num + 1, row) for row in reader if row]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise DeepringError(f"{path}: {error}; {_WANTED}") from error
-    query, place, score, yaw, distance, nearest = zip(*rows, strict=True) if rows else [()] * 6
+    query, place, score, turn, distance, nearest = zip(*rows, strict=True) if rows else [()] * 6
     return Retrievals(
         **labels,
         query=np.array(query, dtype=np.int64),
         place=np.array(place, dtype=np.int64),
         score=np.array(score, dtype=np.float32),
-        yaw=None if None in yaw else np.array(yaw, dtype=np.float32),
+        turn=None if None in turn else np.array(turn, dtype=np.float32),
         distance=np.array(distance, dtype=np.float32),
         nearest=np.array(nearest, dtype=np.float32),
     )
@@ -162,14 +162,14 @@ def precision_recall_of(
 
 
 def _write(path: Path, kept: Retrievals) -> None:
-    yaws = repeat("") if kept.yaw is None else kept.yaw.tolist()
+    turns = repeat("") if kept.turn is None else kept.turn.tolist()
     numbers = (kept.query, kept.place, kept.score, kept.distance, kept.nearest)
     query, place, score, distance, nearest = (column.tolist() for column in numbers)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         file.write(f"# {json.dumps(_labels(kept))}\n")
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
-        writer.writerows(zip(query, place, score, yaws, distance, nearest, strict=False))
+        writer.writerows(zip(query, place, score, turns, distance, nearest, strict=False))
 
 
 def _labels(kept: Retrievals) -> dict[str, str]:
@@ -199,13 +199,13 @@ def _parse(
     path: Path, line: int, row: list[str]
 ) -> tuple[int, int, float, float | None, float, float]:
     try:
-        query, place, score, yaw, distance, nearest = row
-        turn = float(yaw) if yaw else None
-        return int(query), int(place), float(score), turn, float(distance), float(nearest)
+        query, place, score, turn, distance, nearest = row
+        angle = float(turn) if turn else None
+        return int(query), int(place), float(score), angle, float(distance), float(nearest)
     except ValueError:
         raise DeepringError(
             f"{path}, line {line}: {','.join(row)!r}; expected two whole numbers and four floats "
-            f"({', '.join(COLUMNS)}), yaw empty where not known; {_AGAIN}"
+            f"({', '.join(COLUMNS)}), turn empty where not known; {_AGAIN}"
         ) from None
 
 

@@ -17,7 +17,7 @@ from lightning.pytorch.loggers import Logger
 from omegaconf import OmegaConf
 from torch import nn
 
-from deepring.core.radon import Turn
+from deepring.core.radon import ThetaRange
 from deepring.data.cache import RasterCache
 from deepring.data.dataset import DatasetConfig, PlaceDataset
 from deepring.errors import DeepringError
@@ -33,7 +33,7 @@ from deepring.training.episodes import EpisodeSettings
 from deepring.training.epoch_lines import EpochLines
 from deepring.training.module import PlaceModule
 from deepring.training.scan_batches import ScanBatchSettings
-from deepring.training.training_scans import Drawing
+from deepring.training.training_scans import BatchSampling
 from deepring.training.tuple_losses import BatchHardTriplet, LazyQuadruplet, QuadrupletWithYaw
 from deepring.training.tuples import TupleSettings
 
@@ -148,7 +148,7 @@ def deepring_settings(cfg: Config) -> DeepRingSettings:
         raster=raster_settings(make_raster(values)),
         angles=r.angles,
         bins=r.bins,
-        turn=cast("Turn", r.turn),  # checked by the representation
+        theta_range=cast("ThetaRange", r.theta_range),  # checked by the representation
         pool=r.pool,
         aggregation=a.kind,
         normalisation=s.normalisation,
@@ -168,7 +168,7 @@ def raster_cache(cfg: Config) -> RasterCache:
     return RasterCache(Path(cfg.paths.cache))
 
 
-def drawing(cfg: Config) -> Drawing:
+def drawing(cfg: Config) -> BatchSampling:
     """How training batches are drawn."""
     if (cfg.episode is None) == (cfg.drawing is None):
         both = "neither is" if cfg.drawing is None else "both are"
@@ -177,7 +177,7 @@ def drawing(cfg: Config) -> Drawing:
             "drawing=tuples or drawing=scan_batches"
         )
     if cfg.drawing is not None:
-        return cast("Drawing", make(cfg.drawing, "drawing"))
+        return cast("BatchSampling", make(cfg.drawing, "drawing"))
     return EpisodeSettings(**plain(cfg.episode))
 
 
@@ -209,7 +209,7 @@ def module(cfg: Config, datasets: list[PlaceDataset], network: NetworkMethod) ->
     )
 
 
-def kind_of_batch(loss: nn.Module) -> type[Drawing]:
+def kind_of_batch(loss: nn.Module) -> type[BatchSampling]:
     """The settings that draw what a loss is of."""
     match loss:
         case LazyQuadruplet() | QuadrupletWithYaw():
@@ -250,7 +250,7 @@ def trainer(
         enable_progress_bar="progress" in nodes,
         logger=logger,
         default_root_dir=str(folder),
-        # Each process draws its own episodes; see EpisodeOrder.
+        # Each process draws its own episodes; see BatchOrder.
         use_distributed_sampler=False,
     )
 

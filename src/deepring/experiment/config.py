@@ -34,7 +34,7 @@ class RepresentationConfig:
     angles: int | None = 120
     bins: int | None = 120
     #: Range of a sinogram's θ: 'full', [0, 2π), or 'half', [0, π).
-    turn: str = "full"
+    theta_range: str = "full"
     pool: int = 1
 
 

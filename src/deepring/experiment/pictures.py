@@ -87,5 +87,5 @@ def twin_figure(method: Method, scans: ScanSet, k: int) -> Figure:
         curve.numpy(),
         raster.extent,
         TWIN_TURN,
-        180.0 if isinstance(method, DeepRing) and method.settings.turn == "half" else 360.0,
+        180.0 if isinstance(method, DeepRing) and method.settings.theta_range == "half" else 360.0,
     )

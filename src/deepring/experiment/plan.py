@@ -155,7 +155,7 @@ def adopt_settings(cfg: Config, network: NetworkMethod) -> None:
     del settings["raster"]["preprocessing"]
     cfg.method = {"_target_": build.DEEPRING}
     cfg.representation = RepresentationConfig(
-        **{key: settings[key] for key in ("raster", "angles", "bins", "turn", "pool")}
+        **{key: settings[key] for key in ("raster", "angles", "bins", "theta_range", "pool")}
     )
     cfg.encoder = EncoderConfig(
         **{key: settings[key] for key in ("widths", "convolutions", "norm", "tau_padding", "stem")}

@@ -129,7 +129,7 @@ def _drawn(
             (f"nearest, {away[right]:.0f} m", _one(task.database.rasters, right)),
         ]
         shown = _shown(network, seen)
-        period = 180.0 if network.settings.turn == "half" else 360.0
+        period = 180.0 if network.settings.theta_range == "half" else 360.0
         assert isinstance(network.raster, BevRaster)
         figure = failure_figure(shown, network.raster.extent, period)
         caption = (

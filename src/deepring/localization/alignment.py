@@ -1,6 +1,6 @@
 """The pose of one scan in another's frame, from their bird's-eye images.
 
-The query is turned by each of a few yaws, and a correlation over translations tells where it fits
+The query is turned by each of a few turns, and a correlation over translations tells where it fits
 best. Spectra are half whitened: divided by the root of their size, which sharpens the peak that
 occupancy alone leaves broad. The height of the peak says how well the two fit.
 """
@@ -59,7 +59,7 @@ class Alignment(NamedTuple):
 
     score: Tensor
     """(n,) height of the correlation's peak, at most 1."""
-    yaw: Tensor
+    turn: Tensor
     """(n,) radians in [-π, π), the turn of the points from map scan to query."""
     position: Tensor
     """(n, 2) metres, of the query's sensor in the map scan's frame."""
@@ -87,38 +87,38 @@ def half_whitened(images: Tensor, settings: AlignmentSettings) -> Tensor:
     return spectrum / power.sqrt().clamp_min(1e-12)[..., None, None]
 
 
-def align(cells: Tensor, spectra: Tensor, yaws: Tensor, settings: AlignmentSettings) -> Alignment:
+def align(cells: Tensor, spectra: Tensor, turns: Tensor, settings: AlignmentSettings) -> Alignment:
     """Align one query with n map scans.
 
     Args:
         cells: (m, 2) occupied cells of the query, metres, see `occupied_cells`.
         spectra: (n, ...) of the map scans, see `half_whitened`.
-        yaws: (n, y) radians to try, each also a ``step`` less and more: turns of the points from
-            map scan to query. A descriptor that cannot tell a yaw from its opposite gives both.
+        turns: (n, y) radians to try, each also a ``step`` less and more: turns of the points from
+            map scan to query. A descriptor that cannot tell a turn from its opposite gives both.
         settings: of images and transforms.
     """
-    offsets = settings.step * torch.tensor([-1.0, 0.0, 1.0], device=yaws.device)
-    tried = yaws[..., None] + offsets  # (n, y, 3)
+    offsets = settings.step * torch.tensor([-1.0, 0.0, 1.0], device=turns.device)
+    tried = turns[..., None] + offsets  # (n, y, 3)
     heights = _correlate(cells, spectra[:, None, None], tried, settings).amax(dim=(-2, -1))
     which = heights.amax(dim=-1).argmax(dim=-1)  # (n,)
-    every = torch.arange(len(yaws), device=yaws.device)
-    yaw = yaws[every, which] + settings.step * _vertex(*heights[every, which].unbind(dim=-1))
-    score, shift = _peak(_correlate(cells, spectra, yaw, settings))
+    every = torch.arange(len(turns), device=turns.device)
+    turn = turns[every, which] + settings.step * _vertex(*heights[every, which].unbind(dim=-1))
+    score, shift = _peak(_correlate(cells, spectra, turn, settings))
     return Alignment(
-        score, torch.remainder(yaw + math.pi, 2 * math.pi) - math.pi, shift * settings.cell
+        score, torch.remainder(turn + math.pi, 2 * math.pi) - math.pi, shift * settings.cell
     )
 
 
-def turned_images(cells: Tensor, yaws: Tensor, settings: AlignmentSettings) -> Tensor:
-    """Images (..., cells, cells) float32 of the cells (m, 2) turned by -yaw (...): back into the
+def turned_images(cells: Tensor, turns: Tensor, settings: AlignmentSettings) -> Tensor:
+    """Images (..., cells, cells) float32 of the cells (m, 2) turned by -turn (...): back into the
     heading of the map scan. Each cell is shared among the four that it falls between."""
     n = settings.cells
-    cosine, sine = torch.cos(yaws)[..., None], torch.sin(yaws)[..., None]
+    cosine, sine = torch.cos(turns)[..., None], torch.sin(turns)[..., None]
     x = (cosine * cells[:, 0] + sine * cells[:, 1] + settings.extent) / settings.cell - 0.5
     y = (cosine * cells[:, 1] - sine * cells[:, 0] + settings.extent) / settings.cell - 0.5
     i, j = x.floor(), y.floor()
     u, v = x - i, y - j
-    image = torch.zeros(yaws.numel(), (n + 2) * (n + 2), device=cells.device)
+    image = torch.zeros(turns.numel(), (n + 2) * (n + 2), device=cells.device)
     for di, share_i in ((0, 1 - u), (1, u)):
         for dj, share_j in ((0, 1 - v), (1, v)):
             # A border of one cell takes what falls off.
@@ -126,12 +126,14 @@ def turned_images(cells: Tensor, yaws: Tensor, settings: AlignmentSettings) -> T
             index = (row * (n + 2) + column).long().flatten(0, -2)
             image.scatter_add_(1, index, (share_i * share_j).flatten(0, -2))
     inner = image.view(-1, n + 2, n + 2)[:, 1:-1, 1:-1]
-    return inner.reshape(*yaws.shape, n, n)
+    return inner.reshape(*turns.shape, n, n)
 
 
-def _correlate(cells: Tensor, spectra: Tensor, yaws: Tensor, settings: AlignmentSettings) -> Tensor:
+def _correlate(
+    cells: Tensor, spectra: Tensor, turns: Tensor, settings: AlignmentSettings
+) -> Tensor:
     """Correlation (..., 2r + 1, 2r + 1) over shifts in cells, up to r along x and y."""
-    turned = half_whitened(turned_images(cells, yaws, settings), settings)
+    turned = half_whitened(turned_images(cells, turns, settings), settings)
     side = settings.padded
     curves = torch.fft.irfft2(spectra * turned.conj(), s=(side, side)) * side**2
     reach = settings.shifts

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.core.rigid import yaw_of
+from deepring.core.rigid import wrap_angle, yaw_of
 from deepring.data.session import Points
 from deepring.errors import DeepringError
-from deepring.localization.map import Map, Trust
+from deepring.localization.map import AcceptanceThresholds, Map
 
 Floats = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class Trials(NamedTuple):
         """(n,) which locations are right."""
         return (self.metres < wanted.metres) & (self.degrees < wanted.degrees)
 
-    def trusted(self, trust: Trust) -> NDArray[np.bool_]:
+    def trusted(self, trust: AcceptanceThresholds) -> NDArray[np.bool_]:
         """(n,) which are trusted."""
         return (self.fit >= trust.fit) & (self.ratio >= trust.ratio)
 
@@ -53,7 +53,7 @@ class Trials(NamedTuple):
 class Calibrated(NamedTuple):
     """Thresholds and what they did on the trials they were chosen by."""
 
-    trust: Trust
+    trust: AcceptanceThresholds
     precision: float
     """Share of trusted locations that are right."""
     recall: float
@@ -71,13 +71,12 @@ def try_out(
     places = held.poses[:, :2, 3].numpy()
     for points, pose in scans:
         found = held.localize(points, ground_z=ground_z)
-        turn = found.yaw - float(yaw_of(pose))
         rows.append(
             (
                 found.fit,
                 found.ratio,
                 np.hypot(found.x - pose[0, 3], found.y - pose[1, 3]),
-                abs(np.degrees((turn + np.pi) % (2 * np.pi) - np.pi)),
+                abs(np.degrees(wrap_angle(found.yaw - float(yaw_of(pose))))),
                 np.linalg.norm(places - pose[:2, 3], axis=1).min(),
             )
         )
@@ -111,7 +110,7 @@ def calibrate(trials: Trials, precision: float, wanted: Right | None = None) -> 
         reached = np.flatnonzero(enough & last)
         if len(reached) and good[reached[-1]] >= most:
             most = int(good[reached[-1]])
-            chosen = Trust(float(fit), float(trials.ratio[order[reached[-1]]]))
+            chosen = AcceptanceThresholds(float(fit), float(trials.ratio[order[reached[-1]]]))
     if chosen is None:
         raise DeepringError(
             f"precision: {precision:g} is reached by no thresholds: {int(right.sum())} of "
@@ -121,7 +120,7 @@ def calibrate(trials: Trials, precision: float, wanted: Right | None = None) -> 
     return outcome(trials, chosen, wanted)
 
 
-def outcome(trials: Trials, trust: Trust, wanted: Right | None = None) -> Calibrated:
+def outcome(trials: Trials, trust: AcceptanceThresholds, wanted: Right | None = None) -> Calibrated:
     """What thresholds do on trials."""
     wanted = wanted or Right()
     right, trusted = trials.right(wanted), trials.trusted(trust)

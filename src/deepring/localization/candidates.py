@@ -79,25 +79,25 @@ def expect_rerank(name: str, rerank: str) -> None:
 
 
 def align_candidates(
-    image: Tensor, place: Tensor, yaw: Tensor | None, maps: Tensor, settings: RerankSettings
+    image: Tensor, place: Tensor, turn: Tensor | None, maps: Tensor, settings: RerankSettings
 ) -> Candidates:
     """Align a query with its candidates.
 
     Args:
         image: (n, n) occupancy of the query.
         place: (k,) the candidates.
-        yaw: (k,) radians, turns of the points from place to query that the search found; they
+        turn: (k,) radians, turns of the points from place to query that the search found; they
             and their opposites are tried. None tries the whole turn.
         maps: (k, n, n) occupancy of the candidates.
         settings: of the alignment.
     """
     alignment = settings.alignment
-    if yaw is None or torch.isnan(yaw).any():
+    if turn is None or torch.isnan(turn).any():
         step = 3 * alignment.step  # each is tried a step less and more
-        turn = torch.arange(0, 2 * math.pi, step)
-        tried = turn.expand(len(place), -1)
+        whole = torch.arange(0, 2 * math.pi, step)
+        tried = whole.expand(len(place), -1)
     else:
-        tried = torch.stack([yaw, yaw + math.pi], dim=1)
+        tried = torch.stack([turn, turn + math.pi], dim=1)
     spectra = half_whitened(maps, alignment)
     cells = occupied_cells(image, alignment)
     return Candidates(place, align(cells, spectra, tried, alignment))

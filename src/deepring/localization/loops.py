@@ -5,18 +5,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.core.rigid import yaw_of
+from deepring.core.rigid import wrap_angle, yaw_after_turn, yaw_of
 from deepring.data.cache import Progress
 from deepring.data.session import Session
 from deepring.data.spacing import path_lengths, sample_by_distance
 from deepring.errors import DeepringError
-from deepring.localization.map import Location, Map, Trust
+from deepring.localization.map import AcceptanceThresholds, Location, Map
 from deepring.localization.refinement import RefinementSettings, refine, small_gicp
 
 #: When to trust a loop. A wrong loop costs a back end more than a missed one, and keyframes 2 m
 #: apart give each return many chances: the largest fit, in hundredths, that keeps 98 % of the
 #: returns of four simulated drives (`benchmarks/loops.py --keep 0.98`).
-LOOP_TRUST = Trust(fit=0.32)
+LOOP_THRESHOLDS = AcceptanceThresholds(fit=0.32)
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def find_loops(
         session: the drive. Its poses may drift: they tell how far was driven, and which
             candidates contradict each other.
         empty: a map without places, whose network, trust and ground are used; it is filled. See
-            `LOOP_TRUST`: a map's usual trust is for places further apart.
+            `LOOP_THRESHOLDS`: a map's usual trust is for places further apart.
         settings: keyframes and what is too recent.
         progress: called with keyframes done and their total.
 
@@ -115,13 +115,12 @@ def _loop(keyframe: int, found: Location, pose: NDArray[np.float64]) -> Loop:
     heading = float(yaw_of(pose))
     dx, dy = found.x - pose[0, 3], found.y - pose[1, 3]
     c, s = np.cos(heading), np.sin(heading)
-    turn = (found.yaw - heading + np.pi) % (2 * np.pi) - np.pi
     return Loop(
         keyframe,
         found.place,
         float(c * dx + s * dy),
         float(c * dy - s * dx),
-        float(turn),
+        wrap_angle(found.yaw - heading),
         found.fit,
         found.ratio,
     )
@@ -133,7 +132,14 @@ def _refined(
     earlier: NDArray[np.float32],
     settings: RefinementSettings,
 ) -> Loop:
-    # The points turn the other way than the keyframe.
-    found = refine(points, earlier, -loop.yaw, (loop.x, loop.y), settings)
-    x, y = (float(value) for value in found.position)
-    return replace(loop, x=x, y=y, yaw=-found.yaw, inliers=found.inliers, refined=found.converged)
+    turn = yaw_after_turn(0.0, loop.yaw)
+    refined = refine(points, earlier, turn, (loop.x, loop.y), settings)
+    x, y = (float(value) for value in refined.position)
+    return replace(
+        loop,
+        x=x,
+        y=y,
+        yaw=yaw_after_turn(0.0, refined.turn),
+        inliers=refined.inliers,
+        refined=refined.converged,
+    )

@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deepring.core.rigid import yaw_of
+from deepring.core.rigid import yaw_after_turn, yaw_of
 from deepring.data.cache import Progress, Rasters, pack
 from deepring.data.session import Session
 from deepring.data.spacing import sample_by_distance
@@ -39,7 +39,7 @@ BATCH = 64
 
 
 @dataclass(frozen=True)
-class Trust:
+class AcceptanceThresholds:
     """When a location is to be trusted: both have to be reached.
 
     The usual thresholds trust 99.8 % right locations where half of the scans are nowhere in the
@@ -97,7 +97,7 @@ class Map:
         ground_z: float = 0.0,
         search: SearchSettings | None = None,
         rerank: RerankSettings | None = None,
-        trust: Trust | None = None,
+        trust: AcceptanceThresholds | None = None,
     ) -> None:
         index = index_for(network, search or SearchSettings("int8"))
         raster = network.raster
@@ -109,7 +109,7 @@ class Map:
         self.network, self.raster, self.index = network.eval(), raster, index
         self.ground_z = ground_z
         self.rerank = rerank or RerankSettings()
-        self.trust = trust or Trust()
+        self.trust = trust or AcceptanceThresholds()
         self.images = torch.empty(0, -(-(raster.cells**2) // 8), dtype=torch.uint8)
         self.poses = torch.empty(0, 4, 4, dtype=torch.float64)
         self.names: list[str] = []
@@ -167,22 +167,20 @@ class Map:
         raster = torch.from_numpy(self._draw(points, ground_z))
         described = self.network.describe(raster[None]).cpu()
         hits = self.index.search(described, SURPLUS * self.rerank.candidates, before=before)
-        assert hits.yaw is not None
+        assert hits.turn is not None
         some = spread_out(self.poses[hits.place[0], :2, 3], self.rerank)
-        place, yaw, similarity = hits.place[0, some], hits.yaw[0, some], hits.score[0, some]
+        place, turn, similarity = hits.place[0, some], hits.turn[0, some], hits.score[0, some]
         maps = Rasters(self.images.numpy(), self.raster)[place.numpy()]
-        candidates = align_candidates(raster, place, yaw, maps, self.rerank)
+        candidates = align_candidates(raster, place, turn, maps, self.rerank)
         poses = self._planar(place)
         located = by_location(candidates, poses, self.rerank)
         k = located.candidate
-        # The points turn the other way than the sensor.
-        heading = float(poses[k, 2]) - float(candidates.aligned.yaw[k])
         return Location(
             place=int(place[k]),
             name=self.names[int(place[k])],
             x=float(located.position[0]),
             y=float(located.position[1]),
-            yaw=(heading + np.pi) % (2 * np.pi) - np.pi,
+            yaw=yaw_after_turn(float(poses[k, 2]), float(candidates.aligned.turn[k])),
             similarity=float(similarity[k]),
             fit=located.fit,
             ratio=located.ratio,
@@ -232,7 +230,9 @@ class Map:
         rerank = dict(header["rerank"])
         alignment = AlignmentSettings(**rerank.pop("alignment"))
         aligned = RerankSettings(alignment=alignment, **rerank)
-        opened = cls(network, header["ground_z"], settings, aligned, Trust(**header["trust"]))
+        opened = cls(
+            network, header["ground_z"], settings, aligned, AcceptanceThresholds(**header["trust"])
+        )
         opened.names = list(header["names"])
         opened.images, opened.poses = tensors["images"], tensors["poses"]
         rows = _under("index.", tensors)

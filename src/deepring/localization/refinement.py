@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deepring.core.rigid import FloatArray, pose_from, rotation_from_rpy, yaw_of
+from deepring.core.rigid import FloatArray, pose_from, rotation_from_rpy, yaw_after_turn, yaw_of
 from deepring.errors import DeepringError
 
 
@@ -22,14 +22,14 @@ class RefinementSettings:
     first decides how far off the start may be, the last counts inliers."""
     iterations: int = 50
     """At most, a pass."""
-    shift: float = 4.0
+    max_shift: float = 4.0
     """Metres along x and y from the start, from which on the result is not believed. Height and
     tilt are not limited: the start knows nothing of them."""
-    turn: float = math.radians(10.0)
-    """Yaw from the start, likewise; radians."""
+    max_turn: float = math.radians(10.0)
+    """Turn from the start, likewise; radians."""
 
     def __post_init__(self) -> None:
-        for name in ("voxel", "iterations", "shift", "turn"):
+        for name in ("voxel", "iterations", "max_shift", "max_turn"):
             value = getattr(self, name)
             if not 0 < value < math.inf:
                 raise DeepringError(f"refinement.{name}: {value}, expected more than 0")
@@ -44,7 +44,7 @@ class Refined(NamedTuple):
 
     transform: FloatArray
     """(4, 4) reference <- query."""
-    yaw: float
+    turn: float
     """Radians in [-π, π), the turn of the points from map scan to query, as in `Alignment`."""
     position: FloatArray
     """(2,) metres, of the query's sensor in the map scan's frame, as in `Alignment`."""
@@ -60,7 +60,7 @@ class Refined(NamedTuple):
 def refine(
     query: NDArray[np.float32],
     reference: NDArray[np.float32],
-    yaw: float,
+    turn: float,
     position: ArrayLike,
     settings: RefinementSettings | None = None,
 ) -> Refined:
@@ -69,7 +69,7 @@ def refine(
     Args:
         query: (n, 3) metres, z up.
         reference: (m, 3) of the map scan, metres, z up.
-        yaw: radians, the turn of the points from map scan to query.
+        turn: radians, the turn of the points from map scan to query.
         position: (2,) metres, of the query's sensor in the map scan's frame.
         settings: of the registration.
 
@@ -80,7 +80,7 @@ def refine(
     library = small_gicp()
     target, tree = library.preprocess_points(_expect("reference", reference), settings.voxel)
     source, _ = library.preprocess_points(_expect("query", query), settings.voxel)
-    start = start_of(yaw, position)
+    start = start_of(turn, position)
     found = start
     for reach in settings.reaches:
         result = library.align(
@@ -94,10 +94,9 @@ def refine(
         found = np.asarray(result.T_target_source, dtype=np.float64)
     converged = bool(result.converged) and result.num_inliers > 0 and _near(found, start, settings)
     transform = found if converged else start
-    turn = -float(yaw_of(transform))  # points turn the other way than the sensor
     return Refined(
         transform,
-        (turn + math.pi) % (2 * math.pi) - math.pi,
+        yaw_after_turn(0.0, float(yaw_of(transform))),
         transform[:2, 3].copy(),
         result.num_inliers / source.size(),
         converged,
@@ -105,10 +104,10 @@ def refine(
     )
 
 
-def start_of(yaw: float, position: ArrayLike) -> FloatArray:
+def start_of(turn: float, position: ArrayLike) -> FloatArray:
     """The transform (4, 4) reference <- query of a planar pose as `Alignment` has it."""
     x, y = np.asarray(position, dtype=np.float64)
-    return pose_from(rotation_from_rpy(0.0, 0.0, -yaw), [x, y, 0.0])
+    return pose_from(rotation_from_rpy(0.0, 0.0, yaw_after_turn(0.0, turn)), [x, y, 0.0])
 
 
 def small_gicp() -> Any:
@@ -127,7 +126,7 @@ def _near(found: FloatArray, start: FloatArray, settings: RefinementSettings) ->
         return False
     shift = float(np.linalg.norm(found[:2, 3] - start[:2, 3]))
     turn = float(yaw_of(start[:3, :3].T @ found[:3, :3]))
-    return shift <= settings.shift and abs(turn) <= settings.turn
+    return shift <= settings.max_shift and abs(turn) <= settings.max_turn
 
 
 def _expect(name: str, points: NDArray[np.float32]) -> FloatArray:

@@ -13,7 +13,7 @@ class Comparison(NamedTuple):
 
     score: Tensor
     """(q, d) float; higher is more alike."""
-    yaw: Tensor | None
+    turn: Tensor | None
     """(q, d) float32 radians, the turn of the points from entry to query; None if not known."""
 
 

@@ -6,10 +6,10 @@ import torch
 
 from deepring.errors import DeepringError
 from deepring.methods.network import network_class
-from deepring.methods.network_file import SHIPPED, NetworkFile, read_network, shipped_network
+from deepring.methods.network_file import SHIPPED, TrainedNetwork, read_network, shipped_network
 
 
-def load_network(checkpoint: Path | str) -> NetworkFile:
+def load_network(checkpoint: Path | str) -> TrainedNetwork:
     """The network of a checkpoint or of an exported .safetensors file, on the CPU; 'shipped' is
     the one that comes with the package.
 
@@ -43,4 +43,4 @@ def load_network(checkpoint: Path | str) -> NetworkFile:
             f"checkpoint: {path} is no whole checkpoint of this version "
             f"({type(error).__name__}); take another, or delete it to train anew"
         ) from error
-    return NetworkFile(method.eval(), str(kept["trained_on"]), str(kept["loss"]))
+    return TrainedNetwork(method.eval(), str(kept["trained_on"]), str(kept["loss"]))

@@ -3,10 +3,10 @@
 import torch
 from torch import Tensor
 
-from deepring.core.correlation import shift_to_yaw
+from deepring.core.correlation import shift_to_turn
 from deepring.errors import DeepringError
 from deepring.methods.scan_context import mean_cosines, ring_keys, unit_columns
-from deepring.search.block_store import Rows
+from deepring.search.block_store import BlockStore
 from deepring.search.hits import Best, Hits
 
 #: Floats of correlation curves that are held at once.
@@ -21,7 +21,7 @@ class ContextIndex:
 
     def __init__(self, candidates: int | None = None) -> None:
         self.candidates = candidates
-        self.places = Rows()
+        self.places = BlockStore()
 
     def __len__(self) -> int:
         return len(self.places)
@@ -50,7 +50,7 @@ class ContextIndex:
                 part = self.places.take(place, "columns", "filled")
                 found.append(mean_cosines(columns[one], filled[one], *part).max(dim=-1))
             best.see(torch.cat([f[0] for f in found]), places, torch.cat([f[1] for f in found]))
-        return Hits(best.place, best.score, shift_to_yaw(best.shift, queries.shape[-2]))
+        return Hits(best.place, best.score, shift_to_turn(best.shift, queries.shape[-2]))
 
     def _nearest_keys(self, queries: Tensor, count: int) -> Tensor:
         """The places (q, count) whose ring keys are nearest (L2)."""

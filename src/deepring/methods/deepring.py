@@ -9,11 +9,11 @@ from torch import Tensor
 
 from deepring.core.correlation import (
     circular_cross_correlation,
-    shift_to_yaw,
+    shift_to_turn,
     standardise,
     unit_norm,
 )
-from deepring.core.radon import Turn
+from deepring.core.radon import ThetaRange
 from deepring.core.similarity import cosine, negative_distance
 from deepring.errors import DeepringError
 from deepring.methods.base import Comparison
@@ -49,7 +49,7 @@ class DeepRingSettings(PlainSettings):
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(BevRaster()))
     angles: int | None = 120  # of the sinogram; None for the other rasters
     bins: int | None = 120
-    turn: Turn = "full"
+    theta_range: ThetaRange = "full"
     pool: int = 1
     widths: Sequence[int] = (64, 128, 256, 512)
     convolutions: int = 2
@@ -83,7 +83,7 @@ class DeepRing(NetworkMethod):
                 "whose rows are no directions to search over; take similarity=l2 or cosine"
             )
         self.representation = make_representation(
-            self._raster, settings.angles, settings.bins, settings.pool, settings.turn
+            self._raster, settings.angles, settings.bins, settings.pool, settings.theta_range
         )
         columns = self.representation.columns // settings.stem
         self.encoder = CircularUNet(
@@ -92,7 +92,7 @@ class DeepRing(NetworkMethod):
             convolutions=settings.convolutions,
             norm=settings.norm,
             tau_padding=settings.tau_padding,
-            turn=settings.turn,
+            theta_range=settings.theta_range,
             stem=settings.stem,
         )
         self.aggregate = AGGREGATIONS[settings.aggregation]
@@ -115,8 +115,8 @@ class DeepRing(NetworkMethod):
             case "cosine":
                 return Comparison(cosine(queries, database), None)
         match = circular_cross_correlation(queries, database)
-        period = _PERIOD[self.settings.turn]
-        return Comparison(match.score, shift_to_yaw(match.shift, queries.shape[-2], period))
+        period = _PERIOD[self.settings.theta_range]
+        return Comparison(match.score, shift_to_turn(match.shift, queries.shape[-2], period))
 
 
 def _expect(name: str, value: str, choices: Collection[str]) -> None:

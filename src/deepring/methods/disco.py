@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
-from deepring.core.correlation import shift_to_yaw
+from deepring.core.correlation import shift_to_turn
 from deepring.core.phase import central_magnitude, phase_correlation
 from deepring.core.similarity import negative_distance
 from deepring.errors import DeepringError
@@ -22,7 +22,7 @@ class DiscoSettings(PlainSettings):
     """Everything that makes a descriptor but the weights. Plain values, kept in checkpoints.
 
     ``size`` is the side of the square cut out of the spectrum. ``aligned`` is the number of the
-    most alike entries whose yaw is sought for each query; None seeks all.
+    most alike entries whose turn is sought for each query; None seeks all.
     """
 
     label: ClassVar[str] = "DiSCO"
@@ -38,7 +38,7 @@ class Disco(NetworkMethod):
     """Polar occupancy (b, heights, θ, r) -> UNet -> feature map (b, θ, r), the descriptor.
 
     Places are compared by the `signature` of the map, size² numbers (1024). The map itself is
-    kept, since its phase holds the yaw. A turn of the scan rolls θ; the signature is invariant to
+    kept, since its phase holds the turn. A turn of the scan rolls θ; the signature is invariant to
     rolls that the network commutes with: with circular padding exactly to those by the network's
     stride, with the published zero padding only as far as training brings it.
     """
@@ -74,22 +74,22 @@ class Disco(NetworkMethod):
         return self.signature(descriptors)
 
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
-        """Negative Euclidean distance of signatures, and the yaw by phase correlation.
+        """Negative Euclidean distance of signatures, and the turn by phase correlation.
 
-        The yaw is NaN for entries that are not among the ``aligned`` most alike ones: like the
+        The turn is NaN for entries that are not among the ``aligned`` most alike ones: like the
         original, which aligns what it has retrieved.
         """
         score = negative_distance(self.signature(queries), self.signature(database))
         count = self.settings.aligned
-        yaw = torch.full_like(score, torch.nan)
+        turn = torch.full_like(score, torch.nan)
         for k, query in enumerate(queries):  # the maps of one query's entries at a time
             nearest = _nearest(score[k], count)
-            yaw[k, nearest] = self.align(query, database[nearest])
-        return Comparison(score, yaw)
+            turn[k, nearest] = self.align(query, database[nearest])
+        return Comparison(score, turn)
 
     def align(self, query: Tensor, entries: Tensor) -> Tensor:
         """Yaw (d,) of one query (θ, r) to each entry (d, θ, r), by phase correlation."""
-        return shift_to_yaw(phase_correlation(query, entries).shift, query.shape[-2])
+        return shift_to_turn(phase_correlation(query, entries).shift, query.shape[-2])
 
 
 def _nearest(score: Tensor, count: int | None) -> Tensor:

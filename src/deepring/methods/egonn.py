@@ -56,5 +56,5 @@ class EgoNnGlobal(NetworkMethod):
         return self.network.global_descriptor(rasters)
 
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
-        """Negative Euclidean distance, at most 0; the yaw is not known."""
+        """Negative Euclidean distance, at most 0; the turn is not known."""
         return Comparison(negative_distance(queries, database), None)

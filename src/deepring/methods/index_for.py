@@ -19,14 +19,14 @@ from deepring.search.vector_index import VectorIndex
 
 
 def index_for(method: Method, settings: SearchSettings | None = None) -> Index:
-    """An empty index whose scores and yaws are those of ``method.compare``.
+    """An empty index whose scores and turns are those of ``method.compare``.
 
     ``settings`` are those of the correlation's search. A method that is none of ours is searched
     by its own ``compare``.
     """
     match method:
         case DeepRing() if method.settings.similarity == "correlation":
-            period = math.pi if method.settings.turn == "half" else 2 * math.pi
+            period = math.pi if method.settings.theta_range == "half" else 2 * math.pi
             return CorrelationIndex(settings, period=period)
         case DeepRing():
             return VectorIndex("l2" if method.settings.similarity == "l2" else "cosine")

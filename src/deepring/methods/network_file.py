@@ -25,7 +25,7 @@ SHIPPED = "shipped"
 _KEY = "deepring_network"
 
 
-class NetworkFile(NamedTuple):
+class TrainedNetwork(NamedTuple):
     """A network and where it comes from."""
 
     method: NetworkMethod
@@ -36,7 +36,7 @@ class NetworkFile(NamedTuple):
     """Class name of the loss."""
 
 
-def write_network(path: Path, network: NetworkFile) -> None:
+def write_network(path: Path, network: TrainedNetwork) -> None:
     """Write a network, whole or not at all."""
     about = {
         "version": FORMAT_VERSION,
@@ -47,7 +47,7 @@ def write_network(path: Path, network: NetworkFile) -> None:
     write_tensors(path, weights_of(network.method), {_KEY: json.dumps(about, sort_keys=True)})
 
 
-def read_network(path: Path) -> NetworkFile:
+def read_network(path: Path) -> TrainedNetwork:
     """Read what `write_network` wrote.
 
     Raises DeepringError for a file that is missing, no network, cut short, or of another version.
@@ -70,9 +70,9 @@ def read_network(path: Path) -> NetworkFile:
             "it again with this version of deepring"
         )
     method = make_network(about["network"], weights)
-    return NetworkFile(method, str(about["trained_on"]), str(about["loss"]))
+    return TrainedNetwork(method, str(about["trained_on"]), str(about["loss"]))
 
 
-def shipped_network() -> NetworkFile:
+def shipped_network() -> TrainedNetwork:
     """The network that comes with the package."""
     return read_network(Path(str(files("deepring.methods") / "weights" / "deepring.safetensors")))

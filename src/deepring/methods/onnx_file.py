@@ -45,13 +45,13 @@ class RealDeepRing(nn.Module):
     def __init__(self, network: DeepRing) -> None:
         super().__init__()
         settings, raster = network.settings, network.raster
-        wanted = {"turn": "full", "aggregation": "dft", "normalisation": "unit"}
+        wanted = {"theta_range": "full", "aggregation": "dft", "normalisation": "unit"}
         other = {k: v for k, v in wanted.items() if getattr(settings, k) != v}
         if not isinstance(raster, BevRaster) or other or settings.angles is None:
             raise DeepringError(
                 f"onnx: a network over {type(raster).__name__} with aggregation "
                 f"{settings.aggregation}, normalisation {settings.normalisation}, turn "
-                f"{settings.turn}; expected BevRaster, dft, unit, full"
+                f"{settings.theta_range}; expected BevRaster, dft, unit, full"
             )
         assert settings.bins is not None
         self.encoder, self.pool = network.encoder, settings.pool

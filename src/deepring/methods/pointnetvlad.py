@@ -59,5 +59,5 @@ class PointNetVlad(NetworkMethod):
         return F.normalize(self.aggregate(features), dim=-1)
 
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
-        """Negative Euclidean distance, in [-2, 0]; the yaw is not known."""
+        """Negative Euclidean distance, in [-2, 0]; the turn is not known."""
         return Comparison(negative_distance(queries, database), None)

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from deepring.core.correlation import Form, circular_cross_correlation, expect_form, shift_to_yaw
+from deepring.core.correlation import Form, circular_cross_correlation, expect_form, shift_to_turn
 from deepring.core.radon import radon
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
 from deepring.methods.base import Comparison, expect_raster
@@ -16,7 +16,7 @@ class Ring:
     ``correlation`` is 'paper', Eq. 8, or 'published', in which the published code takes the
     magnitude of the inverse transform for each frequency before it sums over them. Descriptors
     are the same. Angles leave out the end point. Raw sinogram spectra repeat after half a turn,
-    so the yaw is known modulo π only.
+    so the turn is known modulo π only.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class Ring:
         return standardise_spectrum(spectrum, self.bins)
 
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
-        """Correlation a cell, in [-1, 1], as published in [0, 1], and the yaw modulo π."""
+        """Correlation a cell, in [-1, 1], as published in [0, 1], and the turn modulo π."""
         match = circular_cross_correlation(queries, database, self.correlation)
         size = queries.shape[-2] * self.bins
-        return Comparison(match.score / size, shift_to_yaw(match.shift, queries.shape[-2]))
+        return Comparison(match.score / size, shift_to_turn(match.shift, queries.shape[-2]))

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from deepring.core.correlation import Form, circular_cross_correlation, expect_form, shift_to_yaw
+from deepring.core.correlation import Form, circular_cross_correlation, expect_form, shift_to_turn
 from deepring.core.radon import radon
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
 from deepring.methods.base import Comparison, expect_raster
@@ -16,7 +16,7 @@ class RingPlusPlus:
     Channels are normalised each by itself, as `circorr2` of the published code does, and share
     the shift: their correlations are summed. ``correlation`` is that of
     `deepring.methods.ring.Ring`; the published code's magnitudes are summed over frequencies and
-    channels alike. As with RING, the yaw is known modulo π only.
+    channels alike. As with RING, the turn is known modulo π only.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class RingPlusPlus:
         return standard.transpose(1, 2).flatten(start_dim=2)
 
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
-        """Correlation a cell, in [-1, 1], as published in [0, 1], and the yaw modulo π."""
+        """Correlation a cell, in [-1, 1], as published in [0, 1], and the turn modulo π."""
         match = circular_cross_correlation(queries, database, self.correlation)
         size = self.raster.shape[0] * queries.shape[-2] * self.bins
-        return Comparison(match.score / size, shift_to_yaw(match.shift, queries.shape[-2]))
+        return Comparison(match.score / size, shift_to_turn(match.shift, queries.shape[-2]))

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from deepring.core.correlation import correlation_curves, shift_to_yaw
+from deepring.core.correlation import correlation_curves, shift_to_turn
 from deepring.errors import DeepringError
 from deepring.methods.base import Comparison, expect_raster
 from deepring.rasters.kinds import ContextRaster
@@ -35,7 +35,7 @@ class ScanContext:
         if self.candidates is not None and self.candidates < len(database):
             keep = _nearest_ring_keys(queries, database, self.candidates)
             score = torch.where(keep, score, torch.full_like(score, -1.0))
-        return Comparison(score, shift_to_yaw(shift, queries.shape[-2]))
+        return Comparison(score, shift_to_turn(shift, queries.shape[-2]))
 
 
 def mean_cosines(columns: Tensor, filled: Tensor, others: Tensor, others_filled: Tensor) -> Tensor:

@@ -12,15 +12,17 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
-from deepring.core.radon import Turn, expect_turn
+from deepring.core.radon import ThetaRange, expect_theta_range
 from deepring.errors import DeepringError
 
 TauPadding = Literal["circular", "zero"]
 
 
-def circular_pad(x: Tensor, pad: int, tau: TauPadding = "circular", turn: Turn = "full") -> Tensor:
+def circular_pad(
+    x: Tensor, pad: int, tau: TauPadding = "circular", theta_range: ThetaRange = "full"
+) -> Tensor:
     """Pad (b, c, θ, τ) by ``pad`` on every side: θ always wraps, τ wraps or takes zeros."""
-    padded: Tensor = _CircularPad.apply(x, pad, tau, turn)  # type: ignore[no-untyped-call]
+    padded: Tensor = _CircularPad.apply(x, pad, tau, theta_range)  # type: ignore[no-untyped-call]
     return padded
 
 
@@ -28,16 +30,16 @@ class _CircularPad(torch.autograd.Function):
     """One pass over memory each way; torch's own circular padding takes several."""
 
     @staticmethod
-    def forward(ctx: Any, x: Tensor, pad: int, tau: TauPadding, turn: Turn) -> Tensor:
-        ctx.pad, ctx.tau, ctx.turn = pad, tau, turn
+    def forward(ctx: Any, x: Tensor, pad: int, tau: TauPadding, theta_range: ThetaRange) -> Tensor:
+        ctx.pad, ctx.tau, ctx.theta_range = pad, tau, theta_range
         rows, columns = x.shape[-2:]
         out = x.new_empty(*x.shape[:-2], rows + 2 * pad, columns + 2 * pad)
         inner = out[..., pad : rows + pad, :]
         inner[..., pad : columns + pad] = x
         inner[..., :pad] = x[..., -pad:] if tau == "circular" else 0
         inner[..., columns + pad :] = x[..., :pad] if tau == "circular" else 0
-        out[..., :pad, :] = _beyond(inner[..., -pad:, :], turn)
-        out[..., rows + pad :, :] = _beyond(inner[..., :pad, :], turn)
+        out[..., :pad, :] = _beyond(inner[..., -pad:, :], theta_range)
+        out[..., rows + pad :, :] = _beyond(inner[..., :pad, :], theta_range)
         return out
 
     @staticmethod
@@ -46,8 +48,8 @@ class _CircularPad(torch.autograd.Function):
         pad = ctx.pad
         rows, columns = gradient.shape[-2] - 2 * pad, gradient.shape[-1] - 2 * pad
         # Each border adds to where its values came from: rows first, then columns.
-        before = _beyond(gradient[..., rows + pad :, :], ctx.turn)
-        after = _beyond(gradient[..., :pad, :], ctx.turn)
+        before = _beyond(gradient[..., rows + pad :, :], ctx.theta_range)
+        after = _beyond(gradient[..., :pad, :], ctx.theta_range)
 
         def rows_folded(part: slice) -> Tensor:
             out = gradient[..., pad : rows + pad, part].clone(memory_format=torch.contiguous_format)
@@ -62,9 +64,9 @@ class _CircularPad(torch.autograd.Function):
         return out, None, None, None
 
 
-def _beyond(rows: Tensor, turn: Turn) -> Tensor:
+def _beyond(rows: Tensor, theta_range: ThetaRange) -> Tensor:
     """What the rows look like past the end of θ: the same, or over half a turn flipped in τ."""
-    return rows if turn == "full" else rows.flip(-1)
+    return rows if theta_range == "full" else rows.flip(-1)
 
 
 class CircularConv2d(nn.Module):
@@ -80,7 +82,7 @@ class CircularConv2d(nn.Module):
         out_channels: int,
         kernel: int = 3,
         tau: TauPadding = "circular",
-        turn: Turn = "full",
+        theta_range: ThetaRange = "full",
         *,
         bias: bool = True,
     ) -> None:
@@ -89,22 +91,24 @@ class CircularConv2d(nn.Module):
             raise DeepringError(f"encoder.kernel: {kernel}, expected an odd number, at least 1")
         if tau not in ("circular", "zero"):
             raise DeepringError(f"encoder.tau_padding: {tau!r}, expected 'circular' or 'zero'")
-        expect_turn("representation.turn", turn)
-        self.tau, self.turn = tau, turn
+        expect_theta_range("representation.theta_range", theta_range)
+        self.tau, self.theta_range = tau, theta_range
         self.pad = kernel // 2
         self.conv = nn.Conv2d(in_channels, out_channels, kernel, bias=bias)
 
     def forward(self, x: Tensor) -> Tensor:
         """Convolve with wrapped borders."""
         if self.pad:
-            x = circular_pad(x, self.pad, self.tau, self.turn)
-        if self.turn == "full":
+            x = circular_pad(x, self.pad, self.tau, self.theta_range)
+        if self.theta_range == "full":
             return self.conv(x)
         weight = (self.conv.weight + self.conv.weight.flip(-1)) / 2
         return F.conv2d(x, weight, self.conv.bias)
 
 
-def circular_upsample(x: Tensor, tau: TauPadding = "circular", turn: Turn = "full") -> Tensor:
+def circular_upsample(
+    x: Tensor, tau: TauPadding = "circular", theta_range: ThetaRange = "full"
+) -> Tensor:
     """Bilinear doubling of θ and τ that wraps: (b, c, θ, τ) -> (b, c, 2θ, 2τ).
 
     torch's own interpolation clamps at the borders, which breaks the shift equivariance there.
@@ -113,7 +117,7 @@ def circular_upsample(x: Tensor, tau: TauPadding = "circular", turn: Turn = "ful
     """
     rows, columns = x.shape[-2:]
     x = x @ _doubling(columns, tau == "circular").to(x).T
-    if turn == "full":
+    if theta_range == "full":
         return _doubling(rows, True).to(x) @ x
     padded = torch.cat([x[..., -1:, :].flip(-1), x, x[..., :1, :].flip(-1)], dim=-2)
     return _doubling(rows + 2, True)[2:-2].to(x) @ padded

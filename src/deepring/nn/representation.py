@@ -4,7 +4,7 @@ representations. They have no parameters; they run where the batch lies, CPU or 
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from deepring.core.radon import Turn, expect_turn, radon
+from deepring.core.radon import ThetaRange, expect_theta_range, radon
 from deepring.errors import DeepringError
 from deepring.rasters.kinds import BevRaster, PolarRaster, RangeRaster, Raster
 
@@ -18,10 +18,10 @@ class Sinogram(nn.Module):
     """
 
     def __init__(
-        self, angles: int = 120, bins: int = 120, pool: int = 1, turn: Turn = "full"
+        self, angles: int = 120, bins: int = 120, pool: int = 1, theta_range: ThetaRange = "full"
     ) -> None:
         super().__init__()
-        expect_turn("representation.turn", turn)
+        expect_theta_range("representation.theta_range", theta_range)
         if angles < 2 or angles % 2:
             raise DeepringError(f"representation.angles: {angles}, expected an even number")
         if pool < 1 or angles % pool or bins % pool:
@@ -29,7 +29,7 @@ class Sinogram(nn.Module):
                 f"representation.pool: {pool}, expected a divisor of "
                 f"angles={angles} and bins={bins}"
             )
-        self.angles, self.bins, self.pool, self.turn = angles, bins, pool, turn
+        self.angles, self.bins, self.pool, self.theta_range = angles, bins, pool, theta_range
 
     @property
     def rows(self) -> int:
@@ -43,7 +43,7 @@ class Sinogram(nn.Module):
 
     def forward(self, raster: Tensor) -> Tensor:
         """Sinograms of the batch."""
-        sinogram = radon(raster, self.angles, self.bins, turn=self.turn)[:, None]
+        sinogram = radon(raster, self.angles, self.bins, theta_range=self.theta_range)[:, None]
         return F.avg_pool2d(sinogram, self.pool) if self.pool > 1 else sinogram
 
 
@@ -80,7 +80,7 @@ def make_representation(
     angles: int | None = 120,
     bins: int | None = 120,
     pool: int = 1,
-    turn: Turn = "full",
+    theta_range: ThetaRange = "full",
 ) -> Sinogram | PolarImage:
     """The representation that goes with a raster; angles, bins, turn are the sinogram's alone."""
     match raster:
@@ -90,17 +90,17 @@ def make_representation(
                     f"representation.angles: {angles}, representation.bins: {bins}; "
                     "a sinogram needs both"
                 )
-            return Sinogram(angles, bins, pool, turn)
+            return Sinogram(angles, bins, pool, theta_range)
         case PolarRaster() | RangeRaster():
             if angles is not None or bins is not None:
                 raise DeepringError(
                     f"representation.angles: {angles}, representation.bins: {bins}; expected null, "
                     f"since the rows and columns of a {type(raster).__name__} are its raster's"
                 )
-            if turn != "full":
+            if theta_range != "full":
                 raise DeepringError(
-                    f"representation.turn: {turn!r}, expected 'full': only a sinogram repeats "
-                    "itself after half a turn"
+                    f"representation.theta_range: {theta_range!r}, expected 'full': only a "
+                    "sinogram repeats itself after half a turn"
                 )
             return PolarImage(*raster.shape, pool)
     raise DeepringError(f"representation: no network takes a {type(raster).__name__}")

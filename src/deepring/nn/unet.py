@@ -8,7 +8,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from deepring.core.radon import Turn
+from deepring.core.radon import ThetaRange
 from deepring.errors import DeepringError
 from deepring.nn.circular import CircularConv2d, TauPadding, circular_upsample
 
@@ -34,13 +34,13 @@ class Block(nn.Sequential):
         convolutions: int,
         norm: str,
         tau: TauPadding,
-        turn: Turn,
+        theta_range: ThetaRange,
     ) -> None:
         layers: list[nn.Module] = []
         for k in range(convolutions):
             source = in_channels if k == 0 else out_channels
             layers += [
-                CircularConv2d(source, out_channels, 3, tau, turn, bias=norm == "none"),
+                CircularConv2d(source, out_channels, 3, tau, theta_range, bias=norm == "none"),
                 _normalisation(norm, out_channels),
                 nn.ReLU(inplace=True),
             ]
@@ -113,8 +113,8 @@ class CircularUNet(UNet):
         convolutions: 3x3 convolutions a block.
         norm: 'batch', 'group' or 'none'.
         tau_padding: how τ is padded, 'circular' (the paper's Eq. 5) or 'zero'.
-        turn: range of θ, 'full' or 'half'; over half a turn kernels are symmetric in τ and an
-            even number of τ bins at each level keeps the flip exact.
+        theta_range: 'full' or 'half'; over half a turn kernels are symmetric in τ, and an even
+            number of τ bins at each level keeps the flip exact.
         stem: squares of stem x stem neighbours become channels at the start, which keeps what
             averaging them loses and costs little more; 1 leaves them. Full turns only.
     """
@@ -127,7 +127,7 @@ class CircularUNet(UNet):
         convolutions: int = 2,
         norm: str = "batch",
         tau_padding: TauPadding = "circular",
-        turn: Turn = "full",
+        theta_range: ThetaRange = "full",
         stem: int = 1,
     ) -> None:
         if not widths or min(widths) < 1 or convolutions < 1:
@@ -135,7 +135,7 @@ class CircularUNet(UNet):
                 f"encoder: widths={list(widths)}, convolutions={convolutions}; "
                 "expected at least one level, channel and convolution"
             )
-        if stem < 1 or (stem > 1 and turn == "half"):
+        if stem < 1 or (stem > 1 and theta_range == "half"):
             raise DeepringError(
                 f"encoder.stem: {stem}, expected at least 1, and 1 over half a turn, whose flip "
                 "of τ would have to exchange channels"
@@ -145,8 +145,8 @@ class CircularUNet(UNet):
             widths,
             in_channels * stem**2,
             out_channels,
-            lambda a, b: Block(a, b, convolutions, norm, tau_padding, turn),
-            partial(circular_upsample, tau=tau_padding, turn=turn),
+            lambda a, b: Block(a, b, convolutions, norm, tau_padding, theta_range),
+            partial(circular_upsample, tau=tau_padding, theta_range=theta_range),
         )
         self.stem = stem
 

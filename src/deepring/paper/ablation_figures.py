@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from deepring.paper.ablation import CLASSES, GROUP, AblationTable, Entry
 from deepring.paper.paper_values import OURS, WAYS, components
-from deepring.reports.style import INK, PALETTE, SMALL_SIZE, dress, new_figure, series
+from deepring.reports.style import INK, PALETTE, SMALL_SIZE, new_figure, series, style_axes
 
 _MEAN, _SEED, _PAPER = "mean ± sample sd", "one seed", "paper (NCLT)"
 
@@ -33,7 +33,7 @@ def _rows_figure(table: AblationTable) -> Figure:
     for height, entry in zip(heights, table.entries, strict=True):
         ours = GROUP in entry.names and components(entry.row) == OURS
         _draw_row(axes, height, entry, PALETTE[1] if ours else PALETTE[0])
-    dress(axes, _title(table), "Recall@1", "")
+    style_axes(axes, _title(table), "Recall@1", "")
     axes.set_yticks(heights, [_label(entry) for entry in table.entries])
     axes.tick_params(axis="y", length=0)
     axes.grid(visible=False, axis="y")
@@ -76,7 +76,7 @@ def _ways_figure(table: AblationTable) -> Figure:
     paper = {_ways(entry): entry.paper for entry in table.entries if entry.paper is not None}
     if paper:
         _diamonds(axes, list(paper), list(paper.values()))
-    dress(axes, _title(table), "ways of an episode", "Recall@1")
+    style_axes(axes, _title(table), "ways of an episode", "Recall@1")
     axes.set_xticks(ways)
     axes.set_ylim(_limits(table.entries))
     _legend(figure, axes)

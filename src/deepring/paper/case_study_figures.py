@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from deepring.errors import DeepringError
 from deepring.paper.case_study import ROWS, ErrorRow, Kind, Name, Pair, View
 from deepring.reports.sinograms import draw_bev
-from deepring.reports.style import INK, LABEL_SIZE, PALETTE, SMALL_SIZE, dress, new_figure
+from deepring.reports.style import INK, LABEL_SIZE, PALETTE, SMALL_SIZE, new_figure, style_axes
 
 _ANGLES = (0, 90, 180, 270, 360)
 _TITLES: dict[Name, str] = {"SG": "Sinogram (SG)", "PG": "Polar gram (PG)"}
@@ -56,7 +56,7 @@ def _draw_view(axes: Sequence[Axes], view: View, extent: float) -> None:
 
 
 def _dress_image(axes: Axes, title: str, across: str) -> None:
-    dress(axes, title, across, "", grid=False)
+    style_axes(axes, title, across, "", grid=False)
     axes.set_box_aspect(1)
     axes.set_yticks(_ANGLES)
 
@@ -83,8 +83,10 @@ def error_figure(rows: Sequence[ErrorRow], title: str = "") -> Figure:
         between = [row for row in turns if not _is_whole(row)]
         _draw_line(turned, between, colour, f"{name}, turn ends between two rows", ":")
     _draw_unrelated((shifted, turned), rows)
-    dress(shifted, "Translation, no turn", "translation (m)", "relative error of the magnitudes")
-    dress(turned, "Turn, no translation", "turn (°)", "")
+    style_axes(
+        shifted, "Translation, no turn", "translation (m)", "relative error of the magnitudes"
+    )
+    style_axes(turned, "Turn, no translation", "turn (°)", "")
     shifted.set_xticks(range(0, 21, 5))
     turned.set_xticks(range(0, 181, 45))
     top = max(axes.get_ylim()[1] for axes in (shifted, turned))

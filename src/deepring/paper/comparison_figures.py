@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from deepring.errors import DeepringError
-from deepring.reports.style import INK, LABEL_SIZE, SMALL_SIZE, dress, new_figure, series
+from deepring.reports.style import INK, LABEL_SIZE, SMALL_SIZE, new_figure, series, style_axes
 
 #: Panels beside each other.
 _ACROSS = 2
@@ -72,7 +72,7 @@ def _draw_panel(
                 alpha=0.85,
                 zorder=2 + 0.01 * methods.index(method),
             )
-    dress(axes, title, "recall", "precision")
+    style_axes(axes, title, "recall", "precision")
     axes.set(xlim=(0, 1.01), ylim=(0, 1.01))
 
 

@@ -43,7 +43,7 @@ WAYS = "episode.ways"
 
 #: Settings that the paper states, beside the similarity that goes with a loss.
 STATED = {
-    "representation.turn": "full",
+    "representation.theta_range": "full",
     "representation.angles": 120,
     "representation.bins": 120,
     "representation.pool": 1,
@@ -58,7 +58,7 @@ STATED = {
 
 #: What a row must share with the paper even where it does not vary: a smaller network or fewer
 #: episodes leave the rows what they are, these do not.
-_ALWAYS = ("similarity.kind", "representation.turn", WAYS)
+_ALWAYS = ("similarity.kind", "representation.theta_range", WAYS)
 
 
 def components(row: Row) -> Components:

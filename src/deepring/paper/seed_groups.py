@@ -35,7 +35,7 @@ _IRRELEVANT = re.compile(
 _BEFORE = {
     "method._target_": "deepring.methods.deepring.DeepRing",
     "similarity.kind": "correlation",
-    "representation.turn": "full",
+    "representation.theta_range": "full",
 }
 
 #: What must agree between runs that are compared. Where the data lie may go with the seed.

@@ -1,8 +1,7 @@
 """From the points of a scan to the array that is cached: one small class a kind of array.
 
-The images are here, those of local features in `deepring.rasters.feature_raster`, the sets of
-points and voxels in `deepring.rasters.point_rasters`. A raster is a frozen dataclass of plain values: it
-names everything that made an array, so it is the cache's key and travels in a checkpoint.
+A raster is a frozen dataclass of plain values: it names everything that made an array, so it is
+the cache's key and travels in a checkpoint.
 """
 
 from dataclasses import asdict, dataclass, field

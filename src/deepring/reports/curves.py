@@ -14,7 +14,7 @@ from deepring.errors import DeepringError
 from deepring.evaluation.metrics import Over, area_under, f1_along
 from deepring.evaluation.results import Result
 from deepring.reports.results_table import recall as recall_of
-from deepring.reports.style import FAINT, SMALL_SIZE, dress, new_figure, series
+from deepring.reports.style import FAINT, SMALL_SIZE, new_figure, series, style_axes
 
 
 def precision_recall_figure(
@@ -38,7 +38,7 @@ def precision_recall_figure(
     _equal_f1_lines(axes)
     for index, (method, (precision, recall)) in enumerate(curves.items()):
         _draw_curve(axes, index, method, np.asarray(precision), np.asarray(recall))
-    dress(axes, title or f"Right within {radius:g} m", "recall", "precision", grid=False)
+    style_axes(axes, title or f"Right within {radius:g} m", "recall", "precision", grid=False)
     axes.set(xlim=(0, 1.01), ylim=(0, 1.01))
     figure.legend(
         loc="outside lower center",
@@ -76,7 +76,7 @@ def recall_radius_figure(
         colour, line, marker = series(index)
         radii, recalls = zip(*sorted(points.items()), strict=True)
         axes.plot(radii, recalls, line, color=colour, marker=marker, markersize=5, label=label)
-    dress(axes, title or places[0], "revisit radius (m)", f"Recall@1 ({over} queries)")
+    style_axes(axes, title or places[0], "revisit radius (m)", f"Recall@1 ({over} queries)")
     axes.set_xticks(sorted({result.radius_m for result in results}))
     axes.set_ylim(0, 1.02)
     axes.legend(loc="best", fontsize=SMALL_SIZE, framealpha=0.94, edgecolor=FAINT)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from deepring.reports.sinograms import draw_bev, draw_sinogram
-from deepring.reports.style import PALETTE, SMALL_SIZE, dress, new_figure
+from deepring.reports.style import PALETTE, SMALL_SIZE, new_figure, style_axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,5 +46,5 @@ def failure_figure(scans: Sequence[Shown], extent: float, period: float = 360.0)
         degrees = np.arange(len(scan.curve)) * period / len(scan.curve)
         axes.plot(degrees, scan.curve, color=PALETTE[number], label=scan.title)
     axes.legend(fontsize=SMALL_SIZE, frameon=False)
-    dress(axes, "", "turn of the points from place to query (°)", "correlation")
+    style_axes(axes, "", "turn of the points from place to query (°)", "correlation")
     return figure

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from deepring.errors import DeepringError
-from deepring.reports.style import INK, PALETTE, SMALL_SIZE, dress, new_figure
+from deepring.reports.style import INK, PALETTE, SMALL_SIZE, new_figure, style_axes
 
 
 def sinogram_figure(
@@ -15,7 +15,7 @@ def sinogram_figure(
     turned: ArrayLike,
     correlation: ArrayLike,
     extent: float,
-    true_yaw: float | None = None,
+    true_turn: float | None = None,
     period: float = 360.0,
 ) -> Figure:
     """BEV, sinogram, the sinogram of a turned twin, and the correlation over all shifts.
@@ -28,7 +28,7 @@ def sinogram_figure(
         turned: (θ, τ) of the twin.
         correlation: (θ,) of the twin with the scan, entry k for a shift by +k rows.
         extent: half the side of the BEV, metres; τ runs over [-extent, extent].
-        true_yaw: counter-clockwise turn of the twin in degrees, marked where given.
+        true_turn: counter-clockwise turn of the twin in degrees, marked where given.
         period: degrees that the rows span, 360, or 180 for a sinogram over half a turn.
 
     Raises:
@@ -44,7 +44,7 @@ def sinogram_figure(
         ((sinogram, "Sinogram"), (turned, "Sinogram of the turned twin")), 1
     ):
         draw_sinogram(figure.add_subplot(grid[0, column]), image, name, extent, top, period)
-    _draw_correlation(figure.add_subplot(grid[1, :]), correlation, true_yaw, period)
+    _draw_correlation(figure.add_subplot(grid[1, :]), correlation, true_turn, period)
     return figure
 
 
@@ -54,7 +54,7 @@ def draw_bev(axes: Axes, bev: NDArray, title: str, extent: float) -> None:
     box = (extent, -extent, -extent, extent)
     axes.imshow(bev[:, ::-1], cmap="Greys", origin="lower", extent=box, interpolation="nearest")
     axes.plot(0, 0, marker="^", color=PALETTE[1], markersize=7)
-    dress(axes, title, "y, left (m)", "x, forward (m)", grid=False)
+    style_axes(axes, title, "y, left (m)", "x, forward (m)", grid=False)
 
 
 def draw_sinogram(
@@ -64,12 +64,12 @@ def draw_sinogram(
     box = (-extent, extent, period, 0.0)
     axes.imshow(image, cmap="magma", vmin=0, vmax=top, extent=box, aspect="auto")
     axes.set_box_aspect(1)  # as large as the bird's-eye view
-    dress(axes, name, "τ (m)", "θ (°)", grid=False)
+    style_axes(axes, name, "τ (m)", "θ (°)", grid=False)
     axes.set_yticks(np.linspace(0, period, 5))
 
 
 def _draw_correlation(
-    axes: Axes, correlation: NDArray, true_yaw: float | None, period: float
+    axes: Axes, correlation: NDArray, true_turn: float | None, period: float
 ) -> None:
     rows = len(correlation)
     peak = int(correlation.argmax())
@@ -77,10 +77,10 @@ def _draw_correlation(
     # the first value again at the end, since the shift is circular
     degrees, values = np.arange(rows + 1) * period / rows, np.append(correlation, correlation[0])
     axes.plot(degrees, values, color=PALETTE[0], linewidth=1.6)
-    dress(axes, "Correlation over all shifts", "shift (°)", "correlation")
-    if true_yaw is not None:
-        label = f"true yaw {true_yaw % period:.1f}°"
-        axes.axvline(true_yaw % period, color=INK, linestyle="--", linewidth=1.1, label=label)
+    style_axes(axes, "Correlation over all shifts", "shift (°)", "correlation")
+    if true_turn is not None:
+        label = f"true turn {true_turn % period:.1f}°"
+        axes.axvline(true_turn % period, color=INK, linestyle="--", linewidth=1.1, label=label)
     label = f"peak {angle:.0f}° ({peak} of {rows} rows)"
     axes.plot(angle, correlation[peak], "o", color=PALETTE[1], markersize=7, label=label)
     axes.set_xlim(0, period)

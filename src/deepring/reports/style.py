@@ -39,7 +39,7 @@ def series(index: int) -> tuple[str, str, str]:
     )
 
 
-def dress(axes: Axes, title: str, across: str, up: str, *, grid: bool = True) -> None:
+def style_axes(axes: Axes, title: str, across: str, up: str, *, grid: bool = True) -> None:
     """Title and labels, light ticks, and no frame but the left and lower edge."""
     axes.set_title(title, fontsize=TITLE_SIZE, color=INK, loc="left", pad=9)
     axes.set_xlabel(across, fontsize=LABEL_SIZE, color=INK)

@@ -13,8 +13,8 @@ from deepring.reports.style import (
     MISS,
     SMALL_SIZE,
     UNANSWERABLE,
-    dress,
     new_figure,
+    style_axes,
 )
 
 _FAR = 10_000.0  # metres; positions beyond it, such as UTM, are drawn relative to a round number
@@ -55,7 +55,7 @@ def trajectory_figure(
     _draw_places(axes, database - offset)
     _draw_queries(axes, queries - offset, right, answerable)
     across, up = (_axis_label(*pair) for pair in zip(labels, offset, strict=True))
-    dress(axes, title, across, up)
+    style_axes(axes, title, across, up)
     axes.set_aspect("equal", adjustable="datalim")
     axes.xaxis.set_major_locator(MaxNLocator(7))
     axes.yaxis.set_major_locator(MaxNLocator(7))

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from deepring.errors import DeepringError
 
-#: Rows after which a block is closed; what is in a closed block is never copied again.
+#: BlockStore after which a block is closed; what is in a closed block is never copied again.
 BLOCK = 65_536
 
 #: Names of tensors whose rows lie along the last axis, so that one instruction compares many of
@@ -27,7 +27,7 @@ def lengths_of(block: Mapping[str, Tensor]) -> set[int]:
     return {value.shape[axis_of(name)] for name, value in block.items()}
 
 
-class Rows:
+class BlockStore:
     """Blocks of rows. The last one grows by doubling; those before may be memory-mapped files."""
 
     def __init__(self) -> None:
@@ -85,7 +85,7 @@ class Rows:
             yield self._used, self._tail[name]
 
     def take(self, numbers: Tensor, *names: str) -> list[Tensor]:
-        """Rows by their numbers (n,), in that order, of tensors whose rows come first."""
+        """BlockStore by their numbers (n,), in that order, of tensors whose rows come first."""
         blocks = self.blocks()
         ends = torch.tensor([_length(block) for block in blocks]).cumsum(0)
         owner = torch.bucketize(numbers.cpu(), ends, right=True)

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from deepring.errors import DeepringError
-from deepring.search.block_store import Rows
+from deepring.search.block_store import BlockStore
 from deepring.search.hits import Best, Hits
 
 #: Places that are compared at once.
@@ -17,15 +17,22 @@ class Comparison(Protocol):
     """What `Comparer.compare` gives: scores, and turns or None, each (q, d)."""
 
     @property
-    def score(self) -> Tensor: ...
+    def score(self) -> Tensor:
+        """(q, d)."""
+        ...
+
     @property
-    def yaw(self) -> Tensor | None: ...
+    def turn(self) -> Tensor | None:
+        """(q, d) radians; None where not known."""
+        ...
 
 
 class Comparer(Protocol):
     """Anything that compares descriptors, such as a method."""
 
-    def compare(self, queries: Tensor, database: Tensor) -> Comparison: ...
+    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+        """Compare descriptors (q, ...) with descriptors (d, ...)."""
+        ...
 
 
 class CompareIndex:
@@ -33,7 +40,7 @@ class CompareIndex:
 
     def __init__(self, method: Comparer) -> None:
         self.method = method
-        self.places = Rows()
+        self.places = BlockStore()
 
     def __len__(self) -> int:
         return len(self.places)
@@ -50,16 +57,16 @@ class CompareIndex:
         for start, (part,) in self.places.chunks(_CHUNK, "descriptor"):
             score = self.method.compare(queries, part).score
             best.see(score, torch.arange(start, start + len(part), device=score.device))
-        return Hits(best.place, best.score, self._yaws(queries, best.place))
+        return Hits(best.place, best.score, self._turns(queries, best.place))
 
-    def _yaws(self, queries: Tensor, places: Tensor) -> Tensor | None:
+    def _turns(self, queries: Tensor, places: Tensor) -> Tensor | None:
         """Of the places found alone, since some methods align but a few."""
-        yaws = []
+        turns = []
         for query, place in zip(queries, places, strict=True):
             if not len(place):
                 continue
-            yaw = self.method.compare(query[None], self.places.take(place, "descriptor")[0]).yaw
-            if yaw is None:
+            turn = self.method.compare(query[None], self.places.take(place, "descriptor")[0]).turn
+            if turn is None:
                 return None
-            yaws.append(yaw)
-        return torch.cat(yaws) if yaws else None
+            turns.append(turn)
+        return torch.cat(turns) if turns else None

@@ -8,10 +8,10 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from deepring.core.correlation import shift_to_yaw
+from deepring.core.correlation import shift_to_turn
 from deepring.errors import DeepringError
 from deepring.search import exact
-from deepring.search.block_store import Rows
+from deepring.search.block_store import BlockStore
 from deepring.search.code import Code, CodeSettings, code_scores, fit_code
 from deepring.search.hits import Best, Hits
 from deepring.search.shards import read_header, read_shards, write_header, write_shard
@@ -62,7 +62,7 @@ class CorrelationIndex:
     ) -> None:
         self.settings = SearchSettings() if settings is None else settings
         self.period, self.cells, self.device = period, cells, torch.device(device)
-        self.places = Rows()
+        self.places = BlockStore()
         self.code: Code | None = None
         self.shape: tuple[int, int] | None = None
         self._folder: Path | None = None
@@ -113,8 +113,8 @@ class CorrelationIndex:
             raise DeepringError("exhaustive: False, but the index keeps no codes; set search.code")
         else:
             best = self._among_candidates(queries, self.code, k, count)
-        yaw = shift_to_yaw(best.shift, queries.shape[-2], self.period)
-        return Hits(best.place, best.score / self.cells, yaw)
+        turn = shift_to_turn(best.shift, queries.shape[-2], self.period)
+        return Hits(best.place, best.score / self.cells, turn)
 
     def candidates(self, queries: Tensor, code: Code, count: int | None = None) -> Tensor:
         """The places (q, c) int64, of the first ``count``, that the codes put first."""
@@ -197,18 +197,18 @@ class CorrelationIndex:
         basis: Tensor | None = None,
         step: Tensor | None = None,
     ) -> None:
-        """Take rows as `Rows` holds them, such as memory-mapped ones, in place of all places.
+        """Take rows as `BlockStore` holds them, such as memory-mapped ones, in place of all places.
 
         ``shape`` is (θ, ω) of the descriptors; ``basis`` and ``step`` are those of their code.
         """
-        self.places = Rows()
+        self.places = BlockStore()
         self.places.attach({name: value.to(self.device) for name, value in rows.items()})
         self.shape = (shape[0], shape[1])
         coded = basis is not None and step is not None
         self.code = Code(basis, step, shape[0]) if coded else None  # type: ignore[arg-type]
 
     def _attach(self, folder: Path, lengths: list[int]) -> None:
-        self.places = Rows()
+        self.places = BlockStore()
         for block in read_shards(folder, lengths):
             self.places.attach({name: value.to(self.device) for name, value in block.items()})
         self._folder, self._kept = folder, len(lengths)

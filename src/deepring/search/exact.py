@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from deepring.search.block_store import Rows
+from deepring.search.block_store import BlockStore
 from deepring.search.hits import Best
 from deepring.search.spectra import STEP, Spectra, best_shift, rest_of, waves
 
@@ -13,7 +13,9 @@ _CURVES = 2**24
 _NAMES = Spectra._fields
 
 
-def compiled(places: Rows, planes: Tensor, rows: int, k: int, which: Tensor | None = None) -> Best:
+def compiled(
+    places: BlockStore, planes: Tensor, rows: int, k: int, which: Tensor | None = None
+) -> Best:
     """The ``k`` best of all places, or of those numbered ``which`` (n,) in ascending order.
 
     Args:
@@ -48,7 +50,9 @@ def compiled(places: Rows, planes: Tensor, rows: int, k: int, which: Tensor | No
     return best
 
 
-def batched(places: Rows, planes: Tensor, rows: int, k: int, which: Tensor | None = None) -> Best:
+def batched(
+    places: BlockStore, planes: Tensor, rows: int, k: int, which: Tensor | None = None
+) -> Best:
     """`compiled` in plain torch, on the device of the places."""
     best = Best(len(planes), k, planes.device)
     if which is not None:

@@ -13,7 +13,7 @@ class Hits(NamedTuple):
     """(q, k) int64: places by the order in which they were added."""
     score: Tensor
     """(q, k) float32; higher is more alike."""
-    yaw: Tensor | None
+    turn: Tensor | None
     """(q, k) float32 radians, the turn of the points from place to query; None if not known."""
 
 

@@ -8,7 +8,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from deepring.errors import DeepringError
-from deepring.search.block_store import Rows
+from deepring.search.block_store import BlockStore
 from deepring.search.hits import Best, Hits
 
 Metric = Literal["l2", "cosine"]
@@ -26,8 +26,8 @@ class VectorIndex:
     Args:
         metric: 'l2' or 'cosine'.
         vectors: makes vectors (n, d) of descriptors; by default these are flattened.
-        align: yaw (k,) of one query's descriptor to those of places (k, ...); descriptors are
-            then kept. None: the yaw is not known.
+        align: turn (k,) of one query's descriptor to those of places (k, ...); descriptors are
+            then kept. None: the turn is not known.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class VectorIndex:
         self.metric, self.align = metric, align
         self._make_vectors = vectors or (lambda descriptors: descriptors.flatten(1))
         self._flat: Any = None
-        self._descriptors = Rows()
+        self._descriptors = BlockStore()
 
     def __len__(self) -> int:
         return 0 if self._flat is None else int(self._flat.ntotal)
@@ -69,21 +69,21 @@ class VectorIndex:
             near.sort(axis=1)
             found = torch.from_numpy(self._flat.reconstruct_batch(near.ravel()))
             best.see(self._score(vectors, found.view(*near.shape, -1)), torch.from_numpy(near))
-        return Hits(best.place, best.score, self._yaws(queries.cpu(), best.place))
+        return Hits(best.place, best.score, self._turns(queries.cpu(), best.place))
 
     def _score(self, queries: Tensor, found: Tensor) -> Tensor:
         if self.metric == "cosine":
             return torch.einsum("qd,qkd->qk", queries, found)
         return -torch.linalg.vector_norm(queries[:, None] - found, dim=-1)
 
-    def _yaws(self, queries: Tensor, places: Tensor) -> Tensor | None:
+    def _turns(self, queries: Tensor, places: Tensor) -> Tensor | None:
         if self.align is None:
             return None
-        yaws = torch.empty(places.shape)
+        turns = torch.empty(places.shape)
         for k, place in enumerate(places):
             if len(place):
-                yaws[k] = self.align(queries[k], self._descriptors.take(place, "descriptor")[0])
-        return yaws
+                turns[k] = self.align(queries[k], self._descriptors.take(place, "descriptor")[0])
+        return turns
 
     def _vectors(self, descriptors: Tensor) -> Tensor:
         vectors = self._make_vectors(descriptors).detach().float().cpu()

@@ -11,8 +11,8 @@ from torch.utils.data import DataLoader, Dataset
 from deepring.data.cache import RasterCache, load_rasters
 from deepring.data.dataset import PlaceDataset, distances_between
 from deepring.rasters.kinds import Raster
-from deepring.training.episodes import EpisodeOrder
-from deepring.training.training_scans import Drawing, Part, join
+from deepring.training.episodes import BatchOrder
+from deepring.training.training_scans import BatchSampling, Part, join
 
 log = logging.getLogger(__name__)
 
@@ -44,7 +44,7 @@ class PlaceDataModule(L.LightningDataModule):
         self,
         datasets: Sequence[PlaceDataset],
         raster: Raster,
-        drawing: Drawing,
+        drawing: BatchSampling,
         cache: RasterCache,
         seed: int = 0,
         workers: int = 0,
@@ -97,7 +97,7 @@ class PlaceDataModule(L.LightningDataModule):
         rank, world = (
             (self.trainer.global_rank, self.trainer.world_size) if self.trainer else (0, 1)
         )
-        order = EpisodeOrder(len(self.train_set), rank, world)
+        order = BatchOrder(len(self.train_set), rank, world)
         return DataLoader(
             cast("Dataset[Any]", self.train_set),
             batch_size=None,

@@ -12,7 +12,7 @@ from torch.utils.data import Dataset, Sampler
 
 from deepring.data.cache import Rasters
 from deepring.errors import DeepringError
-from deepring.training.training_scans import TrainingPool, check_apart, set_apart, within
+from deepring.training.training_scans import TrainingScans, check_apart, set_apart, within
 
 
 @dataclass  # not frozen, since it is a config group too
@@ -35,7 +35,7 @@ class EpisodeSettings:
                 )
         check_apart("episode", self.same, self.different)
 
-    def training_set(self, pool: TrainingPool, seed: int) -> "EpisodeDataset":
+    def training_set(self, pool: TrainingScans, seed: int) -> "EpisodeDataset":
         """Episodes of a pool. Raises DeepringError where it holds fewer places than ways."""
         places = Places(pool.positions, pool.owners, self)
         places.sample(np.random.default_rng([seed, 0]))  # fail here, not in a worker
@@ -144,7 +144,7 @@ class EpisodeDataset(Dataset[Episode]):
         return Episode(self.rasters[scans[:, :shots]], self.rasters[scans[:, shots:]])
 
 
-class EpisodeOrder(Sampler[int]):
+class BatchOrder(Sampler[int]):
     """Numbers of an epoch's batches; each process of a distributed run takes its own."""
 
     def __init__(self, per_epoch: int, rank: int = 0, world_size: int = 1) -> None:

@@ -14,7 +14,7 @@ from torch.utils.data import Dataset
 
 from deepring.errors import DeepringError
 from deepring.rasters.turning import sectors_in, turn_rasters
-from deepring.training.training_scans import TrainingPool, check_apart, within
+from deepring.training.training_scans import TrainingScans, check_apart, within
 
 
 class ScanBatch(NamedTuple):
@@ -62,7 +62,7 @@ class ScanBatchSettings:
             )
         check_apart("drawing", self.same, self.different)
 
-    def training_set(self, pool: TrainingPool, seed: int) -> "ScanBatchSet":
+    def training_set(self, pool: TrainingScans, seed: int) -> "ScanBatchSet":
         """Batches of a pool. Raises DeepringError where it holds too few pairs."""
         return ScanBatchSet(pool, self, seed)
 
@@ -70,7 +70,7 @@ class ScanBatchSettings:
 class ScanBatchSet(Dataset[ScanBatch]):
     """Batch number i, the same in every process and for any number of workers."""
 
-    def __init__(self, pool: TrainingPool, settings: ScanBatchSettings, seed: int) -> None:
+    def __init__(self, pool: TrainingScans, settings: ScanBatchSettings, seed: int) -> None:
         self.pool, self.settings, self.seed = pool, settings, seed
         self.size = settings.size
         self.sectors = sectors_in(pool.rasters.raster) if settings.turned else 0

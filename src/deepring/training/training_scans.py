@@ -27,7 +27,7 @@ def within(points: NDArray[np.float64], radius: float) -> Neighbours:
 
 
 @dataclass(frozen=True, eq=False)
-class TrainingPool:
+class TrainingScans:
     """n scans of the training regions."""
 
     positions: NDArray[np.float64]
@@ -58,10 +58,10 @@ class Part(NamedTuple):
     rasters: Rasters
 
 
-def join(parts: Sequence[Part]) -> TrainingPool:
+def join(parts: Sequence[Part]) -> TrainingScans:
     """One pool of the sessions of all datasets."""
     data = np.concatenate([part.rasters.data for part in parts])
-    return TrainingPool(
+    return TrainingScans(
         np.concatenate([part.scans.positions - part.origin for part in parts]),
         np.concatenate([np.full(len(p.scans), p.owner, dtype=np.int64) for p in parts]),
         np.concatenate([part.scans.headings for part in parts]),
@@ -91,9 +91,9 @@ class TrainingSet(Protocol):
         ...
 
 
-class Drawing(Protocol):
+class BatchSampling(Protocol):
     """How a method's training batches are drawn: settings that make a set of a pool."""
 
-    def training_set(self, pool: TrainingPool, seed: int) -> TrainingSet:
+    def training_set(self, pool: TrainingScans, seed: int) -> TrainingSet:
         """Raises DeepringError where the pool holds too little."""
         ...

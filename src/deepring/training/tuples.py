@@ -15,7 +15,7 @@ from torch.utils.data import Dataset
 
 from deepring.errors import DeepringError
 from deepring.rasters.turning import sectors_in, turn_rasters
-from deepring.training.training_scans import TrainingPool, check_apart, within
+from deepring.training.training_scans import TrainingScans, check_apart, within
 
 
 class TupleBatch(NamedTuple):
@@ -61,7 +61,7 @@ class TupleSettings:
             )
         check_apart("drawing", self.same, self.different)
 
-    def training_set(self, pool: TrainingPool, seed: int) -> "TupleSet":
+    def training_set(self, pool: TrainingScans, seed: int) -> "TupleSet":
         """Tuples of a pool. Raises DeepringError where no scan has enough around it."""
         return TupleSet(pool, self, seed)
 
@@ -69,7 +69,7 @@ class TupleSettings:
 class TupleSet(Dataset[TupleBatch]):
     """Batch number i, the same in every process and for any number of workers."""
 
-    def __init__(self, pool: TrainingPool, settings: TupleSettings, seed: int) -> None:
+    def __init__(self, pool: TrainingScans, settings: TupleSettings, seed: int) -> None:
         self.pool, self.settings, self.seed = pool, settings, seed
         self.sectors = sectors_in(pool.rasters.raster) if settings.turned else 0
         self.near = within(pool.points, settings.same)

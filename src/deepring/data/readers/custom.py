@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from deepring.core.rigid import pose_from
-from deepring.data.readers.custom_scans import UP, OwnScans
+from deepring.data.readers.custom_scans import UP, CustomScans
 from deepring.data.readers.drive_file import SENSOR_WORLD, Drive, is_drive_file, read_drives
 from deepring.data.readers.listing import TITLES, XYZI, guess_formats, size_problem
 from deepring.data.readers.nclt import HIT
 from deepring.data.readers.scan_files import scan_files
 from deepring.data.readers.trajectory import NANOSECONDS, poses_from_rows, read_table, rigid_rows
-from deepring.data.session import Omissions, Session
+from deepring.data.session import Session, SkippedScans
 from deepring.errors import DeepringError
 
 LAYOUTS = ("<name>.yaml, which says where scans and poses are: docs/own_data.md",)
@@ -59,10 +59,10 @@ def open_own(root: Path | str, name: str | None = None) -> Session:
         poses=poses,
         ground_truth=poses[:, :2, 3].copy(),
         stamps=None if stamps is None else stamps[used],
-        read=OwnScans(
+        read=CustomScans(
             drive.format, drive.up, drive.sensor_height, drive.z_band, drive.azimuth, drive.range
         ),
-        omissions=Omissions(broken=reasons),
+        skipped=SkippedScans(broken=reasons),
         ground_z=-drive.sensor_height,
     )
 

@@ -28,7 +28,7 @@ UP: dict[str, NDArray[np.float64]] = {
 
 
 @dataclass(frozen=True)
-class OwnScans:
+class CustomScans:
     """Reads scan files, turns them z up and crops them.
 
     Plain values, all of which make what is read: the raster cache knows a reader by them.

@@ -21,7 +21,7 @@ from deepring.data.readers.listing import (
     valid_points,
 )
 from deepring.data.readers.trajectory import NANOSECONDS, poses_from_rows, read_table, rigid_rows
-from deepring.data.session import Omissions, Points, Session
+from deepring.data.session import Points, Session, SkippedScans
 from deepring.errors import DeepringError
 
 LAYOUTS = (
@@ -75,7 +75,7 @@ def open_kitti(root: Path | str, sequence: str | None = None) -> Session:
         ground_truth=poses[:, :2, 3].copy(),
         stamps=None if times is None else times[frames],
         read=read_kitti_scan,
-        omissions=Omissions(
+        skipped=SkippedScans(
             broken=listing.broken,
             without_pose=len(listing.files) - len(used),
             bad_poses=int(np.sum(~rigid)),

@@ -108,7 +108,7 @@ def open_mulran(
         stamps=scans.stamps,
         read=read_mulran_scan,
         axes=("easting", "northing"),
-        omissions=scans.omissions,
+        skipped=scans.skipped,
     )
 
 

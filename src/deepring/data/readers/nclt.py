@@ -132,7 +132,7 @@ def open_nclt(root: Path | str, date: str, pose_tolerance: float = 0.05) -> Sess
         stamps=scans.stamps,
         read=read_nclt_scan,
         axes=("north", "east"),
-        omissions=scans.omissions,
+        skipped=scans.skipped,
     )
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from deepring.data.readers.listing import Listing
-from deepring.data.session import Omissions
+from deepring.data.session import SkippedScans
 from deepring.errors import DeepringError
 
 NANOSECONDS = 1_000_000_000
@@ -117,7 +117,7 @@ class PosedScans(NamedTuple):
     files: tuple[Path, ...]
     stamps: NDArray[np.int64]  # (m,) nanoseconds
     poses: NDArray[np.float64]  # (m, 4, 4), as the trajectory has them
-    omissions: Omissions
+    skipped: SkippedScans
 
 
 def match_scans(listing: Listing, trajectory: Trajectory, tolerance_s: float) -> PosedScans:
@@ -136,7 +136,7 @@ def match_scans(listing: Listing, trajectory: Trajectory, tolerance_s: float) ->
         files=tuple(listing.files[i] for i in np.flatnonzero(valid)),
         stamps=listing.numbers[valid],
         poses=poses[valid],
-        omissions=Omissions(listing.broken, int(np.sum(~valid)), trajectory.bad_poses),
+        skipped=SkippedScans(listing.broken, int(np.sum(~valid)), trajectory.bad_poses),
     )
 
 

@@ -1,0 +1,70 @@
+"""Checks of single values: each returns the value, or raises ConfigError with its name.
+
+The message has one form throughout: the name, the value, and what was expected.
+"""
+
+import math
+from collections.abc import Collection
+from typing import Any, TypeVar, get_args
+
+from deepring.errors import ConfigError
+
+T = TypeVar("T")
+
+
+def one_of(name: str, value: T, choices: Any) -> T:
+    """The value, if it is among ``choices``: a collection, or a ``Literal`` type.
+
+    >>> one_of("similarity", "l2", ("l2", "cosine"))
+    'l2'
+    """
+    known: Collection[Any] = get_args(choices) or choices
+    if value not in known:
+        raise ConfigError(f"{name}: {value!r}, expected one of {', '.join(map(str, known))}")
+    return value
+
+
+def positive(name: str, value: float, unit: str = "") -> float:
+    """The value, if it is a finite number above 0; ``unit`` is for the message."""
+    if not is_number(value) or not 0 < value < math.inf:
+        raise ConfigError(f"{name}: {value!r}, expected {_number(unit)} above 0")
+    return value
+
+
+def at_least(name: str, value: float, least: float, unit: str = "") -> float:
+    """The value, if it is a finite number of at least ``least``."""
+    if not is_number(value) or not least <= value < math.inf:
+        raise ConfigError(f"{name}: {value!r}, expected {_number(unit)} of at least {least:g}")
+    return value
+
+
+def count(name: str, value: int, least: int = 1) -> int:
+    """The value, if it is a whole number of at least ``least``."""
+    if not isinstance(value, int) or isinstance(value, bool) or value < least:
+        raise ConfigError(f"{name}: {value!r}, expected a whole number of at least {least}")
+    return value
+
+
+def share(name: str, value: float) -> float:
+    """The value, if it is a number in [0, 1]."""
+    if not is_number(value) or not 0 <= value <= 1:
+        raise ConfigError(f"{name}: {value!r}, expected a share in [0, 1]")
+    return value
+
+
+def interval(name: str, value: Any, unit: str = "") -> tuple[float, float]:
+    """The pair (low, high) of finite numbers, if low < high."""
+    pair = tuple(value) if isinstance(value, list | tuple) else ()
+    if len(pair) != 2 or not all(map(is_number, pair)) or not -math.inf < pair[0] < pair[1]:
+        of = f" in {unit}" if unit else ""
+        raise ConfigError(f"{name}: {value!r}, expected [low, high]{of} with low < high")
+    return pair
+
+
+def is_number(value: Any) -> bool:
+    """Whether the value is a finite int or float; a bool is none."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _number(unit: str) -> str:
+    return f"a number of {unit}" if unit else "a number"
