@@ -11,14 +11,8 @@ from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.deepring import NORMALISATIONS, DeepRing, DeepRingSettings
 from deepring.nn.aggregation import AGGREGATIONS
+from deepring.rasters import BevRaster, ContextRaster, PolarRaster, RangeRaster, raster_settings
 from deepring.rasters.bev import disc_mask
-from deepring.rasters.kinds import (
-    BevRaster,
-    ContextRaster,
-    PolarRaster,
-    RangeRaster,
-    raster_settings,
-)
 
 CELLS = 32
 

@@ -14,8 +14,8 @@ from deepring.core.equivariance import (
 from deepring.core.radon import radon
 from deepring.errors import DeepringError
 from deepring.nn.representation import PolarImage, Sinogram, make_representation
+from deepring.rasters import BevRaster, ContextRaster, PolarRaster, RangeRaster
 from deepring.rasters.bev import disc_mask
-from deepring.rasters.kinds import BevRaster, ContextRaster, PolarRaster, RangeRaster
 
 
 def bev(cells=40, batch=2):

@@ -7,7 +7,7 @@ from deepring.core.correlation import Form, circular_cross_correlation, expect_f
 from deepring.core.radon import radon
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
 from deepring.methods.base import Comparison, expect_raster
-from deepring.rasters.feature_raster import FeatureBevRaster
+from deepring.rasters import FeatureBevRaster
 
 
 class RingPlusPlus:

@@ -6,7 +6,7 @@ from torch import Tensor, nn
 
 from deepring.core.radon import ThetaRange, expect_theta_range, radon
 from deepring.errors import DeepringError
-from deepring.rasters.kinds import BevRaster, PolarRaster, RangeRaster, Raster
+from deepring.rasters import BevRaster, PolarRaster, RangeRaster, Raster
 
 
 class Sinogram(nn.Module):
