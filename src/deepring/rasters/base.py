@@ -103,7 +103,7 @@ class Raster(ABC):
             checks.positive(f"raster.{name}", getattr(self, name), "metres")
 
     def check_reach(self, reach: float) -> None:
-        """Raise ConfigError where the preprocessing leaves out what lies within ``reach`` metres."""
+        """Raise ConfigError where the preprocessing cuts off what lies within ``reach`` metres."""
         extent = self.preprocessing.extent
         if extent < reach:
             raise ConfigError(
