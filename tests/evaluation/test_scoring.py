@@ -27,8 +27,7 @@ from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.network import NetworkMethod
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
-from deepring.rasters.kinds import BevRaster, ContextRaster, HeightRaster, raster_settings
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters import BevRaster, ContextRaster, HeightRaster, Preprocessing, raster_settings
 from helpers.drives import PLACES, QUERIES, road_task
 
 BEV = BevRaster(cells=24)

@@ -15,7 +15,7 @@ from deepring.errors import DeepringError
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.map import AcceptanceThresholds, Map
 from deepring.methods.deepring import DeepRing, DeepRingSettings
-from deepring.rasters.kinds import BevRaster, raster_settings
+from deepring.rasters import BevRaster, raster_settings
 from deepring.search.correlation_index import SearchSettings
 
 

@@ -14,7 +14,7 @@ from deepring.data.readers.kitti import read_kitti_scan
 from deepring.errors import DeepringError
 from deepring.localization.candidates import RerankSettings, align_candidates
 from deepring.localization.refinement import RefinementSettings, refine, start_of
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 
 REAL = Path(os.environ.get("DEEPRING_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))
 

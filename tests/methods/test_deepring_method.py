@@ -11,14 +11,8 @@ from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.deepring import NORMALISATIONS, DeepRing, DeepRingSettings
 from deepring.nn.aggregation import AGGREGATIONS
+from deepring.rasters import BevRaster, HeightRaster, PolarRaster, RangeRaster, raster_settings
 from deepring.rasters.bev import disc_mask
-from deepring.rasters.kinds import (
-    BevRaster,
-    ContextRaster,
-    PolarRaster,
-    RangeRaster,
-    raster_settings,
-)
 
 CELLS = 32
 
@@ -221,14 +215,14 @@ def test_settings_that_do_not_exist_are_named():
         (r"aggregation\.kind: 'max'", {"aggregation": "max"}),
         (r"raster\.kind", {"raster": {"kind": "cubes"}}),
         (r"raster\.kind", {"raster": {}}),
-        ("ContextRaster", {"raster": raster_settings(ContextRaster())}),
+        ("HeightRaster", {"raster": raster_settings(HeightRaster())}),
         (r"representation\.pool: 7", {"pool": 7}),
         (r"representation\.pool: 0", {"pool": 0}),
         (r"representation\.angles: 63", {"angles": 63}),
         (r"encoder\.norm: 'layer'", {"norm": "layer"}),
         (r"encoder\.tau_padding: 'same'", {"tau_padding": "same"}),
-        (r"encoder: widths", {"widths": ()}),
-        (r"convolutions=0", {"convolutions": 0}),
+        (r"encoder\.widths: \[\]", {"widths": ()}),
+        (r"encoder\.convolutions: 0", {"convolutions": 0}),
     ],
 )
 def test_bad_settings_are_named(match, changes):

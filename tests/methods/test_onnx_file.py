@@ -12,7 +12,7 @@ from deepring.errors import DeepringError
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.methods.onnx_file import RealDeepRing, export_onnx
 from deepring.methods.portable import make_network
-from deepring.rasters.kinds import BevRaster, PolarRaster, raster_settings
+from deepring.rasters import BevRaster, PolarRaster, raster_settings
 
 
 def network(cells=40, **settings):

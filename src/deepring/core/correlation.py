@@ -1,12 +1,10 @@
 """Circular cross-correlation over θ and its maximum: how alike two places are (paper, Eq. 8)."""
 
 import math
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 import torch
 from torch import Tensor
-
-from deepring.errors import DeepringError
 
 Form = Literal["paper", "published"]
 """Eq. 8 of the paper, or what the authors' code (lus6-Jenny/RING) correlates by."""
@@ -78,15 +76,6 @@ def circular_cross_correlation(queries: Tensor, database: Tensor, form: Form = "
     """The largest correlation over all circular shifts, and that shift, for all pairs (q, d)."""
     curves = correlation_curves if form == "paper" else magnitude_correlation_curves
     return Match(*curves(queries, database).max(dim=-1))
-
-
-def expect_form(name: str, form: str) -> None:
-    """Raise DeepringError where ``form`` is no `Form`."""
-    if form not in get_args(Form):
-        raise DeepringError(
-            f"{name}: {form!r}, expected 'paper', which is Eq. 8, or 'published', which is the "
-            "authors' code"
-        )
 
 
 def shift_to_turn(shift: Tensor, rows: int, period: float = 2 * math.pi) -> Tensor:

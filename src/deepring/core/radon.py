@@ -7,22 +7,17 @@ occupied cells only. θ = 2π k / angles without the end point; τ bins are cent
 
 import math
 from functools import lru_cache
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from deepring.errors import DeepringError
+from deepring import checks
+from deepring.errors import ConfigError, DataError
 
 ThetaRange = Literal["full", "half"]
 """The range of θ: [0, 2π), or [0, π), beyond which R(θ + π, τ) = R(θ, -τ) repeats flipped."""
-
-
-def expect_theta_range(name: str, theta_range: str) -> None:
-    """Raise DeepringError where ``theta_range`` is no `Turn`."""
-    if theta_range not in get_args(ThetaRange):
-        raise DeepringError(f"{name}: {theta_range!r}, expected 'full' or 'half'")
 
 
 def radon(
@@ -49,12 +44,16 @@ def radon(
         theta_range: θ over [0, 2π), 'full', or over [0, π), 'half', in equal steps without the end
             point. Over half a turn a turn of the image by +π k / angles shifts the rows by +k,
             and those that pass the end come back flipped in τ.
+
+    Raises:
+        DataError: images that are not square.
+        ConfigError: another theta_range, or a number of angles that cannot be had.
     """
     if image.ndim < 2 or image.shape[-1] != image.shape[-2]:
-        raise DeepringError(f"radon: image of shape {tuple(image.shape)}, expected (..., n, n)")
-    expect_theta_range("radon: theta_range", theta_range)
-    if angles < 1 or (theta_range == "full" and angles % 2):
-        raise DeepringError(f"radon: angles={angles}, expected an even number of at least 2")
+        raise DataError(f"radon: image of shape {tuple(image.shape)}, expected (..., n, n)")
+    checks.one_of("radon.theta_range", theta_range, ThetaRange)
+    if checks.count("radon.angles", angles) % 2 and theta_range == "full":
+        raise ConfigError(f"radon.angles: {angles}, expected an even number over a full turn")
     count = angles // 2 if theta_range == "full" else angles
     size = image.shape[-1]
     bins = size if bins is None else bins

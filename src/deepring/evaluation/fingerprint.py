@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from deepring.data.cache import RASTER_VERSION
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
-from deepring.rasters.kinds import RASTERS, raster_settings
+from deepring.rasters import RASTERS, raster_settings
 
 
 def fingerprint(method: Method) -> dict[str, Any]:

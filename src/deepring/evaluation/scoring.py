@@ -18,7 +18,7 @@ from deepring.methods.base import Method
 from deepring.methods.network import network_class
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
-from deepring.rasters.kinds import make_raster
+from deepring.rasters import make_raster
 
 #: The methods without weights that a file may name.
 HANDCRAFTED: dict[str, Callable[..., Method]] = {

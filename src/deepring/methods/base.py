@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from torch import Tensor
 
 from deepring.errors import DeepringError
-from deepring.rasters.kinds import Raster
+from deepring.rasters import Raster
 
 
 class Comparison(NamedTuple):

@@ -14,7 +14,7 @@ from deepring.errors import DeepringError
 from deepring.methods.base import Comparison
 from deepring.methods.disco_unet import DiscoUNet, PolarPadding
 from deepring.methods.network import NetworkMethod, PlainSettings
-from deepring.rasters.kinds import HeightRaster, raster_settings
+from deepring.rasters import HeightRaster, raster_settings
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from deepring.errors import DeepringError
 from deepring.methods.base import Comparison, expect_raster
-from deepring.rasters.kinds import Raster, make_raster
+from deepring.rasters import Raster, make_raster
 
 
 class PlainSettings:

@@ -21,8 +21,8 @@ from deepring.errors import DeepringError
 from deepring.io.files import replacing
 from deepring.methods.deepring import DeepRing
 from deepring.methods.portable import describe_network
+from deepring.rasters import BevRaster
 from deepring.rasters.bev import disc_mask
-from deepring.rasters.kinds import BevRaster
 
 #: Of the operators used.
 OPSET = 18

@@ -3,11 +3,12 @@
 import torch
 from torch import Tensor
 
-from deepring.core.correlation import Form, circular_cross_correlation, expect_form, shift_to_turn
+from deepring.checks import one_of
+from deepring.core.correlation import Form, circular_cross_correlation, shift_to_turn
 from deepring.core.radon import radon
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
 from deepring.methods.base import Comparison, expect_raster
-from deepring.rasters.feature_raster import FeatureBevRaster
+from deepring.rasters import FeatureBevRaster
 
 
 class RingPlusPlus:
@@ -28,7 +29,7 @@ class RingPlusPlus:
     ) -> None:
         self.raster = FeatureBevRaster() if raster is None else raster
         expect_raster("RING++", self.raster, FeatureBevRaster)
-        expect_form("ring_plus_plus.correlation", correlation)
+        one_of("ring_plus_plus.correlation", correlation, Form)
         self.angles, self.bins, self.correlation = angles, bins, correlation
 
     @torch.no_grad()

@@ -6,7 +6,7 @@ from torch import Tensor
 from deepring.core.correlation import correlation_curves, shift_to_turn
 from deepring.errors import DeepringError
 from deepring.methods.base import Comparison, expect_raster
-from deepring.rasters.kinds import ContextRaster
+from deepring.rasters import ContextRaster
 
 
 class ScanContext:

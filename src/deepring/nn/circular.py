@@ -12,8 +12,9 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
-from deepring.core.radon import ThetaRange, expect_theta_range
-from deepring.errors import DeepringError
+from deepring import checks
+from deepring.core.radon import ThetaRange
+from deepring.errors import ConfigError
 
 TauPadding = Literal["circular", "zero"]
 
@@ -87,11 +88,10 @@ class CircularConv2d(nn.Module):
         bias: bool = True,
     ) -> None:
         super().__init__()
-        if kernel < 1 or kernel % 2 == 0:
-            raise DeepringError(f"encoder.kernel: {kernel}, expected an odd number, at least 1")
-        if tau not in ("circular", "zero"):
-            raise DeepringError(f"encoder.tau_padding: {tau!r}, expected 'circular' or 'zero'")
-        expect_theta_range("representation.theta_range", theta_range)
+        if checks.count("encoder.kernel", kernel) % 2 == 0:
+            raise ConfigError(f"encoder.kernel: {kernel}, expected an odd number")
+        checks.one_of("encoder.tau_padding", tau, TauPadding)
+        checks.one_of("representation.theta_range", theta_range, ThetaRange)
         self.tau, self.theta_range = tau, theta_range
         self.pad = kernel // 2
         self.conv = nn.Conv2d(in_channels, out_channels, kernel, bias=bias)

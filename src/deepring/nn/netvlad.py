@@ -8,7 +8,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from deepring.errors import DeepringError
+from deepring import checks
 
 
 class ContextGating(nn.Module):
@@ -47,8 +47,7 @@ class NetVlad(nn.Module):
             ("clusters", clusters),
             ("dimension", dimension),
         ):
-            if value < 1:
-                raise DeepringError(f"netvlad.{name}: {value}, expected at least 1")
+            checks.count(f"netvlad.{name}", value)
         self.assignment = nn.Parameter(torch.randn(features, clusters) / features**0.5)
         self.assignment_norm = nn.BatchNorm1d(clusters)
         self.centres = nn.Parameter(torch.randn(clusters, features) / features**0.5)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError, DataError
 
 
 class SharedMlp(nn.Sequential):
@@ -97,7 +97,7 @@ class PointFeatures(nn.Module):
             ("transform_hidden", transform_hidden),
         ):
             if not widths or min(widths) < 1:
-                raise DeepringError(
+                raise ConfigError(
                     f"pointnet.{name}: {list(widths)}, expected at least one width, each above 0"
                 )
         self.align_points = TransformNet(3, transform_widths, transform_hidden)
@@ -106,9 +106,9 @@ class PointFeatures(nn.Module):
         self.second = SharedMlp(first[-1], second)
 
     def forward(self, points: Tensor) -> Tensor:
-        """Features of points (b, n, 3). Raises DeepringError on another shape."""
+        """Features of points (b, n, 3). Raises DataError on another shape."""
         if points.dim() != 3 or points.shape[-1] != 3:
-            raise DeepringError(f"points: shape {tuple(points.shape)}, expected (b, n, 3)")
+            raise DataError(f"points: shape {tuple(points.shape)}, expected (b, n, 3)")
         x = points.transpose(1, 2)
         x = self.first(_apply(self.align_points(x), x))
         x = self.second(_apply(self.align_features(x), x))

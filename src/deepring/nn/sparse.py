@@ -16,7 +16,8 @@ import torch
 from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
-from deepring.errors import DeepringError
+from deepring import checks
+from deepring.errors import ConfigError, DataError
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +70,7 @@ class Grid:
         batch: number of scans; by default as the indices have it.
 
     Raises:
-        DeepringError: a scan without sites, repeated sites, or θ outside [0, wrap).
+        DataError: a scan without sites, repeated sites, or θ outside [0, wrap).
     """
 
     def __init__(
@@ -81,14 +82,14 @@ class Grid:
     ) -> None:
         shape = tuple(coordinates.shape)
         if coordinates.is_floating_point() or shape[1:] != (4,) or not shape[0]:
-            raise DeepringError(
+            raise DataError(
                 f"coordinates: {shape} {coordinates.dtype}, expected (n, 4) integers "
                 "(batch, θ, r, z), at least one"
             )
         coordinates = coordinates.long()
         low, high = torch.stack([coordinates.amin(0), coordinates.amax(0)]).tolist()
         if wrap is not None and not 0 <= low[1] <= high[1] < wrap:
-            raise DeepringError(
+            raise DataError(
                 f"coordinates: θ from {low[1]} to {high[1]}, expected 0 to {wrap - 1}, one turn"
             )
         self._low, self._high, self.stride, self.wrap = low, high, stride, wrap
@@ -100,7 +101,7 @@ class Grid:
         self.counts: list[int]
         *self.counts, again = torch.cat([counts, repeated[None]]).tolist()
         if again or 0 in self.counts:
-            raise DeepringError(
+            raise DataError(
                 f"coordinates: {again} repeated voxels, {self.counts} voxels in the scans of the "
                 "batch; expected none repeated and one or more in each scan"
             )
@@ -146,7 +147,7 @@ class Grid:
     def coarser(self) -> tuple["Grid", KernelMap]:
         """The sites at twice the stride, floor(c / 2), and the map from here to there."""
         if self.wrap is not None and self.wrap % 2:
-            raise DeepringError(f"wrap: {self.wrap} sectors at stride {self.stride}, expected even")
+            raise ConfigError(f"wrap: {self.wrap} sectors at stride {self.stride}, expected even")
         parents = self.coordinates.clone()
         parents[:, 1:] = parents[:, 1:].div(2, rounding_mode="floor")
         low, high = ([v[0], *(c // 2 for c in v[1:])] for v in (self._low, self._high))
@@ -174,7 +175,7 @@ class SparseTensor:
         grid = Grid(coordinates, **grid_options)
         if features.ndim != 2 or len(features) != len(grid):
             shape = tuple(features.shape)
-            raise DeepringError(f"features: {shape}, expected ({len(grid)}, channels)")
+            raise DataError(f"features: {shape}, expected ({len(grid)}, channels)")
         return cls(features[grid.order], grid)
 
     @property
@@ -249,8 +250,8 @@ class SubmanifoldConv(_SparseConv):
     """Stride 1, odd kernel, zeros beyond the sites: the sites stay as they are."""
 
     def __init__(self, in_channels: int, out_channels: int, kernel: int = 3) -> None:
-        if kernel < 1 or kernel % 2 == 0:
-            raise DeepringError(f"kernel: {kernel}, expected an odd number, at least 1")
+        if checks.count("kernel", kernel) % 2 == 0:
+            raise ConfigError(f"kernel: {kernel}, expected an odd number")
         super().__init__(in_channels, out_channels, kernel**3, in_channels)
         self.kernel = kernel
 
@@ -281,7 +282,7 @@ class TransposedConv(_SparseConv):
         """Features (n, out) on ``onto``, whose coarser grid must be that of ``x``."""
         grid, pairs = onto.coarser
         if grid is not x.grid:
-            raise DeepringError(f"onto: no grid from which the stride-{x.stride} features came")
+            raise DataError(f"onto: no grid from which the stride-{x.stride} features came")
         return SparseTensor(self.apply_map(x.features, pairs.transposed(len(onto))), onto)
 
 
@@ -295,5 +296,5 @@ class PointNorm(nn.Module):
     def forward(self, x: SparseTensor) -> SparseTensor:
         """Normalised features on the same sites."""
         if self.training and len(x.grid) < 2:
-            raise DeepringError(f"batch: one site at stride {x.stride}, expected two for training")
+            raise DataError(f"batch: one site at stride {x.stride}, expected two for training")
         return x.put(self.norm(x.features))
