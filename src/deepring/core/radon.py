@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 import torch
+from jaxtyping import Float, Float32, Shaped
 from torch import Tensor
 
 from deepring import checks
@@ -21,12 +22,12 @@ ThetaRange = Literal["full", "half"]
 
 
 def radon(
-    image: Tensor,
+    image: Shaped[Tensor, "..."],
     angles: int = 120,
     bins: int | None = None,
     extent: float = 1.0,
     theta_range: ThetaRange = "full",
-) -> Tensor:
+) -> Float32[Tensor, "*batch {angles} tau"]:
     """Sinogram (..., angles, bins) float32 of images (..., n, n) indexed [x, y].
 
     Values are line integrals in the unit of ``extent`` (half the image's side). A turn of the
@@ -70,13 +71,15 @@ def radon(
 
 @lru_cache
 @torch.inference_mode(False)
-def _directions(count: int) -> tuple[Tensor, Tensor]:
+def _directions(count: int) -> tuple[Float32[Tensor, " {count}"], Float32[Tensor, " {count}"]]:
     """Cosines and sines of ``count`` angles over half a turn, in float64 before rounding."""
     theta = torch.arange(count, dtype=torch.float64) * (math.pi / count)
     return torch.cos(theta).float(), torch.sin(theta).float()
 
 
-def _compiled(batch: Tensor, count: int, angles: int, bins: int, unit: float) -> Tensor:
+def _compiled(
+    batch: Shaped[Tensor, "batch n n"], count: int, angles: int, bins: int, unit: float
+) -> Float32[Tensor, "batch {angles} {bins}"]:
     from deepring.core import _radon_kernel
 
     cosines, sines = (direction.numpy() for direction in _directions(count))
@@ -89,7 +92,9 @@ def _compiled(batch: Tensor, count: int, angles: int, bins: int, unit: float) ->
     return out
 
 
-def _half_turn(batch: Tensor, count: int, bins: int) -> Tensor:
+def _half_turn(
+    batch: Float[Tensor, "batch n n"], count: int, bins: int
+) -> Float[Tensor, "batch {count} {bins}"]:
     """The same in plain torch: one scatter_add of all occupied cells and angles."""
     size, scale = batch.shape[-1], bins / batch.shape[-1]
     b, i, j = batch.detach().nonzero(as_tuple=True)

@@ -2,6 +2,7 @@
 representations. They have no parameters; they run where the batch lies, CPU or GPU."""
 
 import torch.nn.functional as F
+from jaxtyping import Float32, Shaped
 from torch import Tensor, nn
 
 from deepring import checks
@@ -42,7 +43,9 @@ class Sinogram(nn.Module):
         """Bins of τ."""
         return self.bins // self.pool
 
-    def forward(self, raster: Tensor) -> Tensor:
+    def forward(
+        self, raster: Shaped[Tensor, "batch n n"]
+    ) -> Float32[Tensor, "batch 1 {self.rows} {self.columns}"]:
         """Sinograms of the batch."""
         sinogram = radon(raster, self.angles, self.bins, theta_range=self.theta_range)[:, None]
         return F.avg_pool2d(sinogram, self.pool) if self.pool > 1 else sinogram
@@ -70,7 +73,9 @@ class PolarImage(nn.Module):
         """Columns of r, or of the elevation."""
         return self.cells // self.pool
 
-    def forward(self, raster: Tensor) -> Tensor:
+    def forward(
+        self, raster: Shaped[Tensor, "batch {self.sectors} {self.cells}"]
+    ) -> Float32[Tensor, "batch 1 {self.rows} {self.columns}"]:
         """Images of the batch as float32."""
         image = raster.float()[:, None]
         return F.avg_pool2d(image, self.pool) if self.pool > 1 else image

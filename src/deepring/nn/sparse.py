@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any
 
 import torch
+from jaxtyping import Float, Int64, Shaped
 from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
@@ -25,7 +26,7 @@ class KernelMap:
     """Which rows feed which: (offset, output rows, input rows), a row at most once an offset."""
 
     outputs: int
-    pairs: tuple[tuple[int, Tensor, Tensor], ...]
+    pairs: tuple[tuple[int, Int64[Tensor, " _"], Int64[Tensor, " _"]], ...]
     centre: int | None = None  # the offset that feeds each row to itself and has no pairs
 
     def transposed(self, outputs: int) -> "KernelMap":
@@ -33,7 +34,9 @@ class KernelMap:
         return KernelMap(outputs, tuple((k, b, a) for k, a, b in self.pairs))
 
 
-def _keys(coordinates: Tensor, low: list[int], high: list[int]) -> Tensor:
+def _keys(
+    coordinates: Int64[Tensor, "n 4"], low: list[int], high: list[int]
+) -> Int64[Tensor, " n"]:
     """One int64 a site, in the order of its coordinates, which lie between ``low`` and ``high``."""
     keys = coordinates[:, 0] - low[0]
     for axis in (1, 2, 3):
@@ -75,7 +78,7 @@ class Grid:
 
     def __init__(
         self,
-        coordinates: Tensor,
+        coordinates: Shaped[Tensor, "..."],
         stride: int = 1,
         wrap: int | None = None,
         batch: int | None = None,
@@ -166,11 +169,16 @@ class Grid:
 class SparseTensor:
     """Features (n, c) on the n sites of a grid, row for row."""
 
-    features: Tensor
+    features: Float[Tensor, "n channel"]
     grid: Grid
 
     @classmethod
-    def of(cls, features: Tensor, coordinates: Tensor, **grid_options: Any) -> "SparseTensor":
+    def of(
+        cls,
+        features: Shaped[Tensor, "..."],
+        coordinates: Shaped[Tensor, "..."],
+        **grid_options: Any,
+    ) -> "SparseTensor":
         """From rows in any order; see `Grid` for its options and errors."""
         grid = Grid(coordinates, **grid_options)
         if features.ndim != 2 or len(features) != len(grid):
@@ -179,7 +187,7 @@ class SparseTensor:
         return cls(features[grid.order], grid)
 
     @property
-    def coordinates(self) -> Tensor:
+    def coordinates(self) -> Int64[Tensor, "n 4"]:
         """Sites (n, 4) int64 (batch, θ, r, z), sorted, in units of the stride."""
         return self.grid.coordinates
 
@@ -188,11 +196,11 @@ class SparseTensor:
         """Size of a site in voxels."""
         return self.grid.stride
 
-    def put(self, features: Tensor) -> "SparseTensor":
+    def put(self, features: Float[Tensor, "n channel"]) -> "SparseTensor":
         """Other features on the same sites."""
         return SparseTensor(features, self.grid)
 
-    def scans(self) -> tuple[Tensor, ...]:
+    def scans(self) -> tuple[Float[Tensor, "_ channel"], ...]:
         """The features of each scan of the batch, views."""
         return torch.split(self.features, self.grid.counts)
 
@@ -239,7 +247,9 @@ class _SparseConv(nn.Module):
         weight = torch.empty(offsets, in_channels, out_channels).uniform_(-bound, bound)
         self.weight = nn.Parameter(weight)
 
-    def apply_map(self, features: Tensor, pairs: KernelMap) -> Tensor:
+    def apply_map(
+        self, features: Float[Tensor, "n in"], pairs: KernelMap
+    ) -> Float[Tensor, "{pairs.outputs} out"]:
         """Sum over the pairs, in the weight's precision under autocast, too."""
         with torch.autocast(features.device.type, enabled=False):
             features = features.to(self.weight.dtype)

@@ -6,6 +6,7 @@ from functools import partial
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from deepring import checks
@@ -77,7 +78,9 @@ class UNet(nn.Module):
         self.pool = nn.MaxPool2d(2)
         self.head = nn.Conv2d(widths[0], out_channels, 1)
 
-    def forward(self, x: Tensor) -> Tensor:
+    def forward(
+        self, x: Float[Tensor, "batch channel rows columns"]
+    ) -> Float[Tensor, "batch {self.head.out_channels} rows columns"]:
         """Feature map (b, out, rows, columns) of (b, in, rows, columns)."""
         if x.shape[-2] % self.stride or x.shape[-1] % self.stride:
             raise DataError(
@@ -149,7 +152,9 @@ class CircularUNet(UNet):
         )
         self.stem = stem
 
-    def forward(self, x: Tensor) -> Tensor:
+    def forward(
+        self, x: Float[Tensor, "batch channel theta tau"]
+    ) -> Float[Tensor, "batch out theta//{self.stem} tau//{self.stem}"]:
         """Feature map (b, out, θ / stem, τ / stem) of (b, in, θ, τ)."""
         if x.shape[-2] % self.stem or x.shape[-1] % self.stem:
             raise DataError(
