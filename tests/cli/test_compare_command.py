@@ -1,8 +1,7 @@
 """`deepring compare` as a user types it: trains, evaluates, prints both tables, goes on."""
 
-from test_cli import deepring, refused
-
 from deepring.evaluation.results import read_results
+from helpers.cli import deepring, refused
 
 TINY = (
     *("episode.ways=2", "episode.queries=1", "episode.per_epoch=2", "trainer.max_epochs=1"),

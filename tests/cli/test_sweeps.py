@@ -3,17 +3,16 @@
 import os
 import signal
 import subprocess
-import sys
 import time
 from functools import partial
 from pathlib import Path
 
 import pytest
-from test_cli import SMALL, deepring, refused
-
 from deepring.cli.sweeps import folder_name, naming
+
 from deepring.cli.train_commands import config_folder
 from deepring.evaluation.results import read_results
+from helpers.cli import DEEPRING, SMALL, deepring, deepring_process, refused
 
 QUICK = [*SMALL, "evaluation.figures=false"]
 LONG = [a for a in QUICK if not a.startswith("trainer.max_epochs")]
@@ -22,7 +21,7 @@ LONG = [a for a in QUICK if not a.startswith("trainer.max_epochs")]
 @pytest.fixture
 def start(tmp_path):
     """Starts a sweep in the background, in a process group of its own that ends with the test."""
-    command = [str(Path(sys.executable).with_name("deepring")), "train", "-m"]
+    command = [DEEPRING, "train", "-m"]
     begun = []
 
     def started(arguments):
@@ -142,7 +141,7 @@ def test_a_killed_sweep_started_again_ends_in_the_same_figures(tiny_nclt, tmp_pa
 @pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
 def test_launchers_run_the_same_jobs(launcher, tiny_nclt, tmp_path):
     limits = {"joblib": "hydra.launcher.n_jobs=2", "submitit_local": "hydra.launcher.timeout_min=5"}
-    done = deepring(
+    done = deepring_process(
         *("train", "-m", "experiment=demo", f"data.root={tiny_nclt}", *QUICK, "seed=0,-1"),
         *(f"hydra/launcher={launcher}", limits[launcher]),
         cwd=tmp_path,

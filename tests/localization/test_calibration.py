@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_map import small_network
 
 from deepring.core.rigid import pose_from, rotation_from_rpy, turn_points
 from deepring.data.readers.nclt import open_nclt
@@ -14,6 +13,7 @@ from deepring.errors import DeepringError
 from deepring.localization.calibration import FITS, Right, Trials, calibrate, join, outcome, try_out
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.map import AcceptanceThresholds, Map
+from helpers.networks import small_network
 
 
 def trials(fit, ratio, right, nearest=0.0):

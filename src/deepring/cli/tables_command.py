@@ -3,10 +3,10 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import get_args
 
 from matplotlib.figure import Figure
 
+from deepring.checks import one_of
 from deepring.cli.console import console
 from deepring.evaluation.metrics import Over
 from deepring.evaluation.retrievals import FOLDER, retrievals_in
@@ -25,16 +25,16 @@ from deepring.reports.style import save
 from deepring.reports.table import Grid, csv, latex, markdown, terminal
 
 
-def tables_command(arguments: Sequence[str]) -> None:
-    """``deepring tables PATH [PATH ...]``: print the tables of finished runs, and write them."""
-    args = _parser().parse_args(arguments)
+def tables_command(args: argparse.Namespace) -> None:
+    """Print the tables of finished runs, and write them."""
+    over = one_of("over", args.over, Over)
     found = find_runs(args.paths)
     folder = args.output or args.paths[0] / "tables"
     asked = {"mix": args.mix, "notes": found.left_out}
     if is_comparison(found.runs):
-        _show_comparison(compare(found.runs, args.radius, args.over, **asked), found.runs, folder)
+        _show_comparison(compare(found.runs, args.radius, over, **asked), found.runs, folder)
     else:
-        _show_ablation(ablation_tables(found.runs, args.radius, args.over, **asked), folder)
+        _show_ablation(ablation_tables(found.runs, args.radius, over, **asked), folder)
 
 
 def _show_ablation(tables: Sequence[AblationTable], folder: Path) -> None:
@@ -82,36 +82,3 @@ def _save(figure: Figure, path: Path) -> None:
 
 
 _WHAT = {".md": "table", ".tex": "latex", ".csv": "numbers"}
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        "deepring tables",
-        description="Print the tables of finished runs, beside the paper's values, and write "
-        "them as Markdown, LaTeX, CSV and a figure. Runs that differ in nothing but the seed are "
-        "one row. Runs of several methods, or tested in several places, are compared (Tables I "
-        "and II); any others are an ablation (Tables III and IV).",
-    )
-    parser.add_argument(
-        "paths", type=Path, nargs="+", metavar="PATH", help="folder of a sweep, or of a run"
-    )
-    parser.add_argument("--radius", type=float, default=10.0, help="metres (default: 10)")
-    parser.add_argument(
-        "--over",
-        choices=get_args(Over),
-        default="answerable",
-        help="queries that recall is a share of (default: answerable)",
-    )
-    parser.add_argument(
-        "--mix",
-        action="store_true",
-        help="let runs on different data or under different protocols stand beside each other",
-    )
-    parser.add_argument(
-        "-o",
-        dest="output",
-        type=Path,
-        metavar="FOLDER",
-        help="where to write (default: tables in the first PATH)",
-    )
-    return parser

@@ -1,4 +1,4 @@
-"""`deepring train` as a script file, which Lightning starts anew for each process of a DDP run."""
+"""`deepring train` as a script file: Lightning starts it for each further process of a DDP run."""
 
 import sys
 
