@@ -41,7 +41,7 @@ class ContextIndex:
             size = max(16, _CURVES // max(1, queries.shape[1] * len(queries)))
             for start, part in self.places.chunks(size, "columns", "filled"):
                 score, shift = mean_cosines(columns, filled, *part).max(dim=-1)
-                best.see(score, torch.arange(start, start + score.shape[1]), shift)
+                best.update(score, torch.arange(start, start + score.shape[1]), shift)
         else:
             places = self._nearest_keys(queries, self.candidates).sort(dim=1).values
             found = []
@@ -49,7 +49,7 @@ class ContextIndex:
                 one = slice(which, which + 1)
                 part = self.places.take(place, "columns", "filled")
                 found.append(mean_cosines(columns[one], filled[one], *part).max(dim=-1))
-            best.see(torch.cat([f[0] for f in found]), places, torch.cat([f[1] for f in found]))
+            best.update(torch.cat([f[0] for f in found]), places, torch.cat([f[1] for f in found]))
         return Hits(best.place, best.score, shift_to_turn(best.shift, queries.shape[-2]))
 
     def _nearest_keys(self, queries: Tensor, count: int) -> Tensor:
@@ -59,5 +59,5 @@ class ContextIndex:
         for start, (part,) in self.places.chunks(65_536, "key"):
             # Without matrix products, whose cancellation confuses keys that are close.
             distance = torch.cdist(keys, part, compute_mode="donot_use_mm_for_euclid_dist")
-            best.see(-distance, torch.arange(start, start + len(part)))
+            best.update(-distance, torch.arange(start, start + len(part)))
         return best.place
