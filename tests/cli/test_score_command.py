@@ -6,12 +6,8 @@ from deepring.evaluation.protocol import evaluate_method
 from deepring.evaluation.results import read_results
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
-<<<<<<< HEAD
-from deepring.rasters import BevRaster, ContextRaster
-=======
 from deepring.rasters import BevRaster, ContextRaster
 from helpers.cli import deepring, refused, work_of
->>>>>>> h8
 from helpers.drives import road_task
 
 METHODS = {
