@@ -6,7 +6,7 @@ from deepring.evaluation.protocol import evaluate_method
 from deepring.evaluation.results import read_results
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
-from deepring.rasters.kinds import BevRaster, ContextRaster
+from deepring.rasters import BevRaster, ContextRaster
 from helpers.cli import deepring, refused, work_of
 from helpers.drives import road_task
 

@@ -21,7 +21,7 @@ from deepring.evaluation.descriptors import (
     read_descriptors,
     write_descriptors,
 )
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 
 MADE_BY = {"class": "deepring.methods.ring.Ring", "raster": {"kind": "bev", "height": (0, 1.5)}}
 

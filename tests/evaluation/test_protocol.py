@@ -14,7 +14,7 @@ from deepring.evaluation.descriptors import read_descriptors
 from deepring.evaluation.protocol import Side, Task, describe_side, evaluate_method
 from deepring.methods.base import Comparison, Method
 from deepring.methods.describe import describe_all
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 
 RASTER = BevRaster(cells=8)
 

@@ -13,7 +13,7 @@ from deepring.experiment import build
 from deepring.experiment.config import PreprocessingConfig, flattened
 from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.plan import plan_evaluation
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters import Preprocessing
 
 ROOT = "data.root=/nowhere"
 ROOTS = ("nclt", "mulran", "kitti")

@@ -3,7 +3,7 @@
 import torch
 
 from deepring.methods.deepring import DeepRing, DeepRingSettings
-from deepring.rasters.kinds import BevRaster, raster_settings
+from deepring.rasters import BevRaster, raster_settings
 
 
 def small_network(seed=0, **settings):

@@ -12,7 +12,7 @@ from deepring.data.readers.kitti import read_kitti_scan
 from deepring.errors import DeepringError
 from deepring.localization.candidates import RerankSettings, align_candidates
 from deepring.localization.refinement import RefinementSettings, refine, start_of
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 from helpers.real_data import real_data
 
 

@@ -16,7 +16,7 @@ from deepring.methods.network_file import (
     write_network,
 )
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
-from deepring.rasters.kinds import BevRaster, PointsRaster, raster_settings
+from deepring.rasters import BevRaster, PointsRaster, raster_settings
 
 
 def small():

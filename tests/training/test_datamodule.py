@@ -6,7 +6,7 @@ import torch
 
 from deepring.data.cache import RasterCache
 from deepring.data.dataset import DatasetConfig, PlaceDataset, Regions, Spacing
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 from deepring.training.datamodule import PlaceDataModule
 from deepring.training.episodes import EpisodeSettings
 

@@ -12,7 +12,7 @@ from torch.utils.data import DataLoader
 
 from deepring.data.cache import Rasters, pack
 from deepring.errors import DeepringError
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 from deepring.training.episodes import BatchOrder, EpisodeDataset, EpisodeSettings, Places
 
 RASTER = BevRaster(cells=8)

@@ -11,7 +11,7 @@ from deepring.data.cache import Rasters, pack
 from deepring.errors import DeepringError
 from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing, DeepRingSettings
-from deepring.rasters.kinds import BevRaster, raster_settings
+from deepring.rasters import BevRaster, raster_settings
 from deepring.training.datamodule import RetrievalBatch
 from deepring.training.episodes import BatchOrder, EpisodeDataset, EpisodeSettings, Places
 from deepring.training.module import PlaceModule

@@ -6,7 +6,7 @@ import torch
 
 from deepring.data.cache import Rasters, pack
 from deepring.errors import DeepringError
-from deepring.rasters.kinds import BevRaster, PolarRaster
+from deepring.rasters import BevRaster, PolarRaster
 from deepring.training.training_scans import TrainingScans
 from deepring.training.tuples import TupleSettings
 

@@ -37,7 +37,7 @@ from deepring.paper.case_study import (
 )
 from deepring.paper.case_study_figures import error_figure, pair_figure
 from deepring.progress import progress_bar
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 from deepring.reports.style import save
 
 #: The columns of the summary: kind, value, header. 52.5° lies half-way between two rows.

@@ -21,9 +21,8 @@ from deepring.localization.candidates import (
     by_location,
     by_pose,
 )
-from deepring.methods.base import Comparison, Method
+from deepring.methods.base import Comparison, Method, index_of
 from deepring.methods.describe import describe_all
-from deepring.methods.index_for import index_for
 from deepring.search.hits import Hits
 
 #: What a re-ranked method is called in results, so that nobody takes one row for another.
@@ -76,7 +75,7 @@ def evaluate_reranked(
 
 
 def _search(method: Method, task: Task, k: int, device: torch.device | None) -> Hits:
-    index = index_for(method)
+    index = index_of(method)
     index.add(describe_all(method, task.database.rasters, device=device).cpu())
     return index.search(describe_all(method, task.query.rasters, device=device).cpu(), k)
 

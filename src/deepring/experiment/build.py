@@ -25,8 +25,7 @@ from deepring.experiment.config import Config
 from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRingSettings
 from deepring.methods.network import NetworkMethod, PlainSettings, network_class
-from deepring.rasters.kinds import Raster, make_raster, raster_settings
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters import Preprocessing, Raster, make_raster, raster_settings
 from deepring.training.between_epochs import GrowingBatches, HardNegatives
 from deepring.training.datamodule import PlaceDataModule
 from deepring.training.episodes import EpisodeSettings

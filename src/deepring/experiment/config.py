@@ -17,7 +17,7 @@ from deepring.training.episodes import EpisodeSettings
 
 @dataclass
 class PreprocessingConfig:
-    """See `deepring.rasters.preprocessing.Preprocessing`."""
+    """See `deepring.rasters.Preprocessing`."""
 
     height: tuple[float, float] = (-5.0, 20.0)
     clearance: float | None = 0.5

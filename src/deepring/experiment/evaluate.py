@@ -25,7 +25,7 @@ from deepring.localization.candidates import Rerank, RerankSettings
 from deepring.methods.base import Method
 from deepring.methods.describe import describe_all
 from deepring.progress import progress_bar
-from deepring.rasters.kinds import BevRaster, Raster
+from deepring.rasters import BevRaster, Raster
 from deepring.reports.results_table import markdown, markdown_radii
 from deepring.reports.style import save
 from deepring.reports.tensorboard_events import add_descriptors, write_board

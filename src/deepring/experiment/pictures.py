@@ -19,7 +19,7 @@ from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network import NetworkMethod
 from deepring.methods.ring import Ring
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 from deepring.reports.curves import precision_recall_figure, recall_radius_figure
 from deepring.reports.sinograms import sinogram_figure
 from deepring.reports.trajectory_figure import trajectory_figure

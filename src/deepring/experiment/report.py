@@ -19,7 +19,7 @@ from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.run_folder import read_config
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import SHIPPED
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 from deepring.reports import html
 from deepring.reports.failures import Shown, failure_figure
 

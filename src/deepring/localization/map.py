@@ -24,9 +24,8 @@ from deepring.localization.candidates import (
 )
 from deepring.localization.map_file import read_map, verify, write_map
 from deepring.methods.deepring import DeepRing
-from deepring.methods.index_for import index_for
 from deepring.methods.portable import describe_network, make_network, weights_of
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 from deepring.search.block_store import axis_of
 from deepring.search.code import CodeSettings
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
@@ -99,7 +98,7 @@ class Map:
         rerank: RerankSettings | None = None,
         trust: AcceptanceThresholds | None = None,
     ) -> None:
-        index = index_for(network, search or SearchSettings("int8"))
+        index = network.index(search or SearchSettings("int8"))
         raster = network.raster
         if not isinstance(index, CorrelationIndex) or not isinstance(raster, BevRaster):
             raise DeepringError(

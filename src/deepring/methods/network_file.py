@@ -47,8 +47,8 @@ def write_network(path: Path, network: TrainedNetwork) -> None:
     write_tensors(path, weights_of(network.method), {_KEY: json.dumps(about, sort_keys=True)})
 
 
-def read_network(path: Path) -> TrainedNetwork:
-    """Read what `write_network` wrote.
+def read_network(path: Path, own_class: type | str | None = None) -> TrainedNetwork:
+    """Read what `write_network` wrote; ``own_class`` is that of `make_network`.
 
     Raises DeepringError for a file that is missing, no network, cut short, or of another version.
     """
@@ -69,7 +69,7 @@ def read_network(path: Path) -> TrainedNetwork:
             f"checkpoint: {path} has format version {version!r}, expected {FORMAT_VERSION}; export "
             "it again with this version of deepring"
         )
-    method = make_network(about["network"], weights)
+    method = make_network(about["network"], weights, own_class)
     return TrainedNetwork(method, str(about["trained_on"]), str(about["loss"]))
 
 

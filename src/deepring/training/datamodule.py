@@ -10,7 +10,7 @@ from torch.utils.data import DataLoader, Dataset
 
 from deepring.data.cache import RasterCache, load_rasters
 from deepring.data.dataset import PlaceDataset, distances_between
-from deepring.rasters.kinds import Raster
+from deepring.rasters import Raster
 from deepring.training.episodes import BatchOrder
 from deepring.training.training_scans import BatchSampling, Part, join
 

@@ -11,7 +11,8 @@ from torchmetrics import Metric
 from deepring.errors import DeepringError
 from deepring.evaluation.metrics import PlaceAUC, RecallAtK
 from deepring.methods.describe import describe_all
-from deepring.methods.network import NetworkMethod, class_path
+from deepring.methods.network import NetworkMethod
+from deepring.methods.registry import method_name
 from deepring.training.datamodule import RetrievalBatch
 from deepring.training.losses import OneShotCrossEntropy
 from deepring.training.steps import take_step
@@ -48,7 +49,7 @@ class PlaceModule(L.LightningModule):
         self.method = method
         self.loss = OneShotCrossEntropy() if loss is None else loss
         kept = {
-            "method": class_path(method),
+            "method": method_name(type(method)),
             "settings": method.settings.to_dict(),
             "trained_on": trained_on,
             "loss": type(self.loss).__name__,

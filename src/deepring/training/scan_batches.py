@@ -13,7 +13,6 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from deepring.errors import DeepringError
-from deepring.rasters.turning import sectors_in, turn_rasters
 from deepring.training.training_scans import TrainingScans, check_apart, within
 
 
@@ -73,7 +72,7 @@ class ScanBatchSet(Dataset[ScanBatch]):
     def __init__(self, pool: TrainingScans, settings: ScanBatchSettings, seed: int) -> None:
         self.pool, self.settings, self.seed = pool, settings, seed
         self.size = settings.size
-        self.sectors = sectors_in(pool.rasters.raster) if settings.turned else 0
+        self.sectors = pool.rasters.raster.sectors if settings.turned else 0
         self.points = pool.points
         self.near = within(self.points, settings.same)
         self.anchors = np.array(
@@ -102,7 +101,7 @@ class ScanBatchSet(Dataset[ScanBatch]):
         rasters = self.pool.rasters[scans]
         if self.settings.turned:
             sectors = torch.from_numpy(rng.integers(self.sectors, size=len(scans)))
-            rasters = turn_rasters(self.pool.rasters.raster, rasters, sectors)
+            rasters = self.pool.rasters.raster.turned(rasters, sectors)
         points = self.points[scans]
         apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
         same = (apart <= self.settings.same) & ~np.eye(len(scans), dtype=bool)

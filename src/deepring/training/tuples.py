@@ -14,7 +14,6 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from deepring.errors import DeepringError
-from deepring.rasters.turning import sectors_in, turn_rasters
 from deepring.training.training_scans import TrainingScans, check_apart, within
 
 
@@ -71,7 +70,7 @@ class TupleSet(Dataset[TupleBatch]):
 
     def __init__(self, pool: TrainingScans, settings: TupleSettings, seed: int) -> None:
         self.pool, self.settings, self.seed = pool, settings, seed
-        self.sectors = sectors_in(pool.rasters.raster) if settings.turned else 0
+        self.sectors = pool.rasters.raster.sectors if settings.turned else 0
         self.near = within(pool.points, settings.same)
         self.around = within(pool.points, settings.different)
         self.queries = np.array(
@@ -165,5 +164,5 @@ class TupleSet(Dataset[TupleBatch]):
         apart[:, 1 + self.settings.positives :] = 0
         sectors = torch.from_numpy(apart)
         sectors[:, 0] = turn
-        flat = turn_rasters(raster, rasters.flatten(0, 1), sectors.flatten())
+        flat = raster.turned(rasters.flatten(0, 1), sectors.flatten())
         return flat.view_as(rasters)

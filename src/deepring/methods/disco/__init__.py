@@ -7,14 +7,18 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
+from deepring.checks import count
 from deepring.core.correlation import shift_to_turn
 from deepring.core.phase import central_magnitude, phase_correlation
 from deepring.core.similarity import negative_distance
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError
 from deepring.methods.base import Comparison
-from deepring.methods.disco_unet import DiscoUNet, PolarPadding
+from deepring.methods.disco.disco_unet import DiscoUNet, PolarPadding
 from deepring.methods.network import NetworkMethod, PlainSettings
-from deepring.rasters.kinds import HeightRaster, raster_settings
+from deepring.rasters import HeightRaster, raster_settings
+from deepring.search.correlation_index import SearchSettings
+from deepring.search.hits import Index
+from deepring.search.vector_index import VectorIndex
 
 
 @dataclass(frozen=True)
@@ -51,14 +55,12 @@ class Disco(NetworkMethod):
         super().__init__(settings, HeightRaster)
         heights, sectors, rings = self.raster.shape
         if not 1 <= settings.size <= min(sectors, rings):
-            raise DeepringError(
+            raise ConfigError(
                 f"disco.size: {settings.size}, expected 1 to {min(sectors, rings)}, the smaller "
                 f"side of the raster's {sectors} x {rings}"
             )
-        if settings.aligned is not None and settings.aligned < 1:
-            raise DeepringError(
-                f"disco.aligned: {settings.aligned}, expected null or at least 1 entry"
-            )
+        if settings.aligned is not None:
+            count("disco.aligned", settings.aligned)
         self.encoder = DiscoUNet(heights, settings.widths, settings.padding)
 
     def forward(self, rasters: Tensor) -> Tensor:
@@ -80,21 +82,27 @@ class Disco(NetworkMethod):
         original, which aligns what it has retrieved.
         """
         score = negative_distance(self.signature(queries), self.signature(database))
-        count = self.settings.aligned
         turn = torch.full_like(score, torch.nan)
         for k, query in enumerate(queries):  # the maps of one query's entries at a time
-            nearest = _nearest(score[k], count)
+            nearest = _nearest(score[k], self.settings.aligned)
             turn[k, nearest] = self.align(query, database[nearest])
         return Comparison(score, turn)
 
     def align(self, query: Tensor, entries: Tensor) -> Tensor:
-        """Yaw (d,) of one query (θ, r) to each entry (d, θ, r), by phase correlation."""
+        """Turn (d,) from each entry (d, θ, r) to one query (θ, r), by phase correlation."""
         return shift_to_turn(phase_correlation(query, entries).shift, query.shape[-2])
 
+    def index(self, settings: SearchSettings | None = None) -> Index:  # noqa: ARG002
+        """Exhaustive search of signatures, see `index_of`; takes no settings.
 
-def _nearest(score: Tensor, count: int | None) -> Tensor:
-    """Indices of the ``count`` largest of (d,), all where count is None or more than d."""
-    if count is None or count >= len(score):
+        All hits are aligned, whatever ``aligned`` says.
+        """
+        return VectorIndex("l2", self.vectors, self.align)
+
+
+def _nearest(score: Tensor, number: int | None) -> Tensor:
+    """Indices of the ``number`` largest of (d,), all where it is None or more than d."""
+    if number is None or number >= len(score):
         return torch.arange(len(score), device=score.device)
     # argmax takes the first of equal scores, as retrieval does; topk promises nothing.
-    return score.argmax().unsqueeze(0) if count == 1 else score.topk(count).indices
+    return score.argmax().unsqueeze(0) if number == 1 else score.topk(number).indices

@@ -3,15 +3,13 @@
 import pytest
 import torch
 
-from deepring.errors import DeepringError
-from deepring.methods.base import Comparison
+from deepring.methods.base import Comparison, index_of
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.methods.disco import Disco, DiscoSettings
-from deepring.methods.index_for import index_for
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
-from deepring.methods.scan_context import ScanContext
-from deepring.rasters.kinds import BevRaster, ContextRaster, HeightRaster, raster_settings
+from deepring.methods.scan_context import ContextIndex, ScanContext
+from deepring.rasters import BevRaster, ContextRaster, HeightRaster, raster_settings
 from deepring.search.compare_index import CompareIndex
 from deepring.search.correlation_index import CorrelationIndex
 from deepring.search.vector_index import VectorIndex
@@ -81,12 +79,12 @@ METHODS = {
     "scan context": (
         lambda: ScanContext(ContextRaster(12, 6)),
         heights((12, 6)),
-        None,
+        ContextIndex,
     ),
     "scan context, candidates": (
         lambda: ScanContext(ContextRaster(12, 6), candidates=5),
         heights((12, 6)),
-        None,
+        ContextIndex,
     ),
     "disco": (disco, layers, VectorIndex),
     "own": (Own, bevs, CompareIndex),
@@ -98,8 +96,8 @@ def test_the_index_finds_what_compare_finds(name):
     make, images, kind = METHODS[name]
     method = make()
     database, queries = method.describe(images(30, 1)), method.describe(images(4, 2))
-    index = index_for(method)
-    assert kind is None or isinstance(index, kind)
+    index = index_of(method)
+    assert type(index) is kind
     index.add(database[:11])
     index.add(database[11:])
     assert len(index) == 30
@@ -114,24 +112,3 @@ def test_the_index_finds_what_compare_finds(name):
         symmetry = 2 if name.startswith("ring") else 1
         apart = symmetry * (hits.turn - expected.turn.gather(1, hits.place))
         assert torch.allclose(torch.cos(apart), torch.ones_like(apart))
-
-
-def test_close_neighbours_are_told_apart_in_batches():
-    """FAISS's own L2 of many queries at once takes products, which cannot."""
-    generator = torch.Generator().manual_seed(0)
-    centre = torch.nn.functional.normalize(torch.randn(1, 64, generator=generator))
-    database = centre + 1e-5 * torch.arange(200)[:, None] * torch.eye(64)[:1]
-    index = VectorIndex("l2")
-    index.add(database)
-    assert index.search(database[:40]).place[:, 0].tolist() == list(range(40))
-    assert index.search(database[:40]).score.abs().max() == 0
-
-
-def test_vector_mistakes_are_named():
-    index = VectorIndex("cosine")
-    assert index.search(torch.zeros(2, 3)).place.shape == (2, 0)
-    index.add(torch.rand(4, 3))
-    with pytest.raises(DeepringError, match="5 numbers, but the places have 3"):
-        index.search(torch.rand(1, 5))
-    with pytest.raises(DeepringError, match="metric: 'dot'"):
-        VectorIndex("dot")

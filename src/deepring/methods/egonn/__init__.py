@@ -8,10 +8,12 @@ from torch import Tensor
 
 from deepring.core.similarity import negative_distance
 from deepring.methods.base import Comparison
-from deepring.methods.egonn_network import WIDTHS, EgoNN
+from deepring.methods.egonn.egonn_network import WIDTHS, EgoNN
 from deepring.methods.network import NetworkMethod, PlainSettings
-from deepring.rasters.kinds import raster_settings
-from deepring.rasters.point_rasters import VoxelRaster
+from deepring.rasters import VoxelRaster, raster_settings
+from deepring.search.correlation_index import SearchSettings
+from deepring.search.hits import Index
+from deepring.search.vector_index import VectorIndex
 
 
 @dataclass(frozen=True)
@@ -53,8 +55,12 @@ class EgoNnGlobal(NetworkMethod):
 
         Raises DeepringError where a scan has no voxel.
         """
-        return self.network.global_descriptor(rasters)
+        return self.network(rasters)
 
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
         """Negative Euclidean distance, at most 0; the turn is not known."""
         return Comparison(negative_distance(queries, database), None)
+
+    def index(self, settings: SearchSettings | None = None) -> Index:  # noqa: ARG002
+        """Exhaustive search by distance, see `index_of`; takes no settings."""
+        return VectorIndex("l2")

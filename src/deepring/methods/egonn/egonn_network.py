@@ -6,7 +6,6 @@ Relocalization at the City Scale", RA-L 2021, Sec. III; sizes as in its reposito
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
@@ -26,8 +25,8 @@ WIDTHS = (32, 64, 64, 128, 128, 128, 128)
 def voxel_grid(voxels: Voxels, wrap: int | None = None) -> Grid:
     """The grid of a batch of scans; DeepringError where a scan is empty or not (m, 3) integers."""
     if isinstance(voxels, Tensor):
-        kept = voxels[..., 0] != PADDING
-        voxels = [scan[rows] for scan, rows in zip(voxels, kept, strict=True)]
+        filled = voxels[..., 0] != PADDING
+        voxels = [scan[rows] for scan, rows in zip(voxels, filled, strict=True)]
     for k, scan in enumerate(voxels):
         if scan.is_floating_point() or scan.shape[1:] != (3,) or not len(scan):
             raise DeepringError(
@@ -184,6 +183,7 @@ class GlobalHead(nn.Module):
         self.pyramid = TopDown(levels, widths, channels)
         self.decoder = decoder(channels, (channels + size) // 2, size)
         self.pool = GeM()
+        self.size = size
 
     def forward(self, levels: Mapping[int, SparseTensor]) -> Tensor:
         """(b, size) descriptors."""
@@ -191,66 +191,17 @@ class GlobalHead(nn.Module):
         return self.pool(x.put(self.decoder(x.features)))
 
 
-class LocalFeatures(NamedTuple):
-    """Keypoints of one scan, one for each of its k sites at the local head's lowest level."""
-
-    keypoints: Tensor  # (k, 3) float, metres, in the scan's frame
-    sigma: Tensor  # (k,) float above 0, uncertainty: the smaller, the more salient
-    descriptors: Tensor  # (k, size) float, unit norm
-
-
-class LocalHead(nn.Module):
-    """Levels of the trunk -> keypoints, uncertainties and descriptors of each scan.
-
-    A keypoint lies anywhere in its site: the site's centre plus an offset of up to half a site in
-    θ, r and z (paper, Sec. III-B). The repository takes the centre of the site's first voxel.
-    """
-
-    def __init__(
-        self,
-        widths: Sequence[int] = WIDTHS,
-        levels: Sequence[int] = (3, 4),
-        channels: int = 64,
-        size: int = 128,
-        steps: tuple[float, float, float] = (1.0, 0.3, 0.2),
-    ) -> None:
-        super().__init__()
-        self.steps = steps
-        self.pyramid = TopDown(levels, widths, channels)
-        self.keypoint = decoder(channels, channels // 2, 3)
-        self.sigma = decoder(channels, channels // 2, 1)
-        self.descriptor = decoder(channels, (channels + size) // 2, size)
-
-    def forward(self, levels: Mapping[int, SparseTensor]) -> list[LocalFeatures]:
-        """One entry a scan."""
-        x = self.pyramid(levels)
-        parts = [
-            self._cartesian(x, self.keypoint(x.features).tanh()),
-            F.softplus(self.sigma(x.features))[:, 0],
-            F.normalize(self.descriptor(x.features)),
-        ]
-        scans = zip(*(torch.split(part, x.grid.counts) for part in parts), strict=True)
-        return [LocalFeatures(*scan) for scan in scans]
-
-    def _cartesian(self, x: SparseTensor, offset: Tensor) -> Tensor:
-        size = offset.new_tensor(self.steps) * x.stride
-        theta, r, z = ((x.coordinates[:, 1:] + 0.5 + offset / 2) * size).unbind(1)
-        azimuth = torch.deg2rad(theta - 180)
-        return torch.stack([r * azimuth.cos(), r * azimuth.sin(), z], dim=1)
-
-
 class EgoNN(nn.Module):
-    """Scans as cylindrical voxels -> global descriptors (b, 256) and, if wanted, keypoints.
+    """Scans as cylindrical voxels -> global descriptors (b, 256).
 
-    Both heads read the same levels: ``levels = net.encode(voxels)``, then
-    ``net.global_head(levels)`` and ``net.local_head(levels)``. The descriptor is not normalised,
-    as in the paper's configuration; places are compared by its Euclidean distance.
+    The descriptor is not normalised, as in the paper's configuration; places are compared by its
+    Euclidean distance. The original's second head, of local keypoints, is left out: place
+    recognition does not need it.
 
     Args:
-        local: whether to build the local head, which place recognition does not need.
         steps: degrees, ring and height of the voxels, as given to `cylindrical_voxels`.
         widths: channels of each level of the trunk.
-        global_levels, local_levels: consecutive levels that each head joins.
+        global_levels: consecutive levels that the head joins.
         close_theta: whether θ wraps. EgoNN's does not, which is the default; where it does, the
             number of sectors must be a multiple of 2 ** levels (384 for the seven levels).
     """
@@ -258,11 +209,9 @@ class EgoNN(nn.Module):
     def __init__(
         self,
         *,
-        local: bool = False,
         steps: tuple[float, float, float] = (1.0, 0.3, 0.2),
         widths: Sequence[int] = WIDTHS,
         global_levels: Sequence[int] = (5, 6, 7),
-        local_levels: Sequence[int] = (3, 4),
         close_theta: bool = False,
     ) -> None:
         super().__init__()
@@ -275,7 +224,6 @@ class EgoNN(nn.Module):
         self.wrap = sectors if close_theta else None
         self.trunk = Trunk(1, widths)
         self.global_head = GlobalHead(widths, global_levels)
-        self.local_head = LocalHead(widths, local_levels, steps=steps) if local else None
 
     def encode(self, voxels: Voxels) -> dict[int, SparseTensor]:
         """The trunk's feature maps; every voxel enters as a 1. See `voxel_grid` for errors."""
@@ -283,16 +231,8 @@ class EgoNN(nn.Module):
         ones = next(self.parameters()).new_ones(len(grid), 1)
         return self.trunk(SparseTensor(ones, grid))
 
-    def global_descriptor(self, voxels: Voxels) -> Tensor:
-        """(b, 256) descriptors of b scans, not normalised."""
-        return self.global_head(self.encode(voxels))
-
-    def local_features(self, voxels: Voxels) -> list[LocalFeatures]:
-        """Keypoints of each scan; DeepringError where the network was built without them."""
-        if self.local_head is None:
-            raise DeepringError("egonn.local: False, expected True for local features")
-        return self.local_head(self.encode(voxels))
-
     def forward(self, voxels: Voxels) -> Tensor:
-        """`global_descriptor`."""
-        return self.global_descriptor(voxels)
+        """(b, 256) descriptors of b scans, not normalised."""
+        if not len(voxels):
+            return next(self.parameters()).new_empty(0, self.global_head.size)
+        return self.global_head(self.encode(voxels))

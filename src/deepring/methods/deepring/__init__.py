@@ -1,12 +1,13 @@
 """DeepRING: sinogram, circular UNet, row-wise DFT magnitude, circular cross-correlation."""
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from torch import Tensor
+from torch import Tensor, nn
 
+from deepring.checks import one_of
 from deepring.core.correlation import (
     circular_cross_correlation,
     shift_to_turn,
@@ -15,14 +16,17 @@ from deepring.core.correlation import (
 )
 from deepring.core.radon import ThetaRange
 from deepring.core.similarity import cosine, negative_distance
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError
 from deepring.methods.base import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.nn.aggregation import AGGREGATIONS, ROTATION_INVARIANT, channels_for
 from deepring.nn.circular import TauPadding
 from deepring.nn.representation import make_representation
 from deepring.nn.unet import CircularUNet
-from deepring.rasters.kinds import BevRaster, raster_settings
+from deepring.rasters import BevRaster, raster_settings
+from deepring.search.correlation_index import CorrelationIndex, SearchSettings
+from deepring.search.hits import Index
+from deepring.search.vector_index import VectorIndex
 
 NORMALISATIONS: dict[str, Callable[[Tensor], Tensor]] = {
     "unit": unit_norm,
@@ -74,11 +78,11 @@ class DeepRing(NetworkMethod):
     def __init__(self, settings: DeepRingSettings | None = None) -> None:
         settings = DeepRingSettings() if settings is None else settings
         super().__init__(settings)
-        _expect("similarity.normalisation", settings.normalisation, NORMALISATIONS)
-        _expect("aggregation.kind", settings.aggregation, AGGREGATIONS)
-        _expect("similarity.kind", settings.similarity, SIMILARITIES)
+        one_of("similarity.normalisation", settings.normalisation, NORMALISATIONS)
+        one_of("aggregation.kind", settings.aggregation, AGGREGATIONS)
+        one_of("similarity.kind", settings.similarity, SIMILARITIES)
         if settings.similarity == "correlation" and settings.aggregation in ROTATION_INVARIANT:
-            raise DeepringError(
+            raise ConfigError(
                 f"similarity.kind: 'correlation' with aggregation.kind: {settings.aggregation!r}, "
                 "whose rows are no directions to search over; take similarity=l2 or cosine"
             )
@@ -115,10 +119,25 @@ class DeepRing(NetworkMethod):
             case "cosine":
                 return Comparison(cosine(queries, database), None)
         match = circular_cross_correlation(queries, database)
-        period = _PERIOD[self.settings.theta_range]
-        return Comparison(match.score, shift_to_turn(match.shift, queries.shape[-2], period))
+        turn = shift_to_turn(match.shift, queries.shape[-2], self.turn_period)
+        return Comparison(match.score, turn)
 
+    @property
+    def turn_period(self) -> float:
+        """Radians that turns are known modulo: the range of θ."""
+        return _PERIOD[self.settings.theta_range]
 
-def _expect(name: str, value: str, choices: Collection[str]) -> None:
-    if value not in choices:
-        raise DeepringError(f"{name}: {value!r}, expected one of {', '.join(choices)}")
+    def index(self, settings: SearchSettings | None = None) -> Index:
+        """Search by correlation, or exhaustively by a distance; see `index_of`."""
+        match self.settings.similarity:
+            case "l2":
+                return VectorIndex("l2")
+            case "cosine":
+                return VectorIndex("cosine")
+        return CorrelationIndex(settings, period=self.turn_period)
+
+    def onnx_form(self) -> nn.Module:
+        """The network in real arithmetic, see `deepring.methods.deepring.real_form`."""
+        from deepring.methods.deepring.real_form import RealDeepRing
+
+        return RealDeepRing(self)
