@@ -1,17 +1,15 @@
 """Checks of a method, ours or anyone's: `check_method` asserts what every method has to satisfy.
 
-    from deepring.testing import check_method
+from deepring.testing import check_method
 
-    def test_mine():
-        check_method(Mine())
+def test_mine():
+    check_method(Mine())
 """
 
 import json
 import math
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -64,14 +62,14 @@ def check_method(method: Method, rasters: Tensor | None = None, seed: int = 0) -
         rasters = draw(method, [walls(seed + k) for k in range(SCANS)])
     if len(rasters) < 3:
         raise MethodError("rasters", f"{len(rasters)} scans are given, expected at least 3")
-    described = check_shapes(method, rasters)
-    check_determinism(method, rasters, described)
-    check_empty_batch(method, rasters, described)
-    check_self_similarity(method, described)
+    descriptors = check_shapes(method, rasters)
+    check_determinism(method, rasters, descriptors)
+    check_empty_batch(method, rasters, descriptors)
+    check_self_similarity(method, descriptors)
     skipped = {
         "turn": check_turn(method, seed),
-        "index": check_index(method, described),
-        "file": check_file(method, rasters, described),
+        "index": check_index(method, descriptors),
+        "file": check_file(method, rasters, descriptors),
     }
     return {name: reason for name, reason in skipped.items() if reason}
 
@@ -102,21 +100,21 @@ def check_shapes(method: Method, rasters: Tensor) -> Tensor:
     shape = tuple(method.raster.shape)
     if tuple(rasters.shape[1:]) != shape:
         raise MethodError("shapes", f"rasters {tuple(rasters.shape)}, the raster has {shape}")
-    described = method.describe(rasters)
-    if not isinstance(described, Tensor) or not described.is_floating_point():
-        kind = described.dtype if isinstance(described, Tensor) else type(described).__name__
+    descriptors = method.describe(rasters)
+    if not isinstance(descriptors, Tensor) or not descriptors.is_floating_point():
+        kind = descriptors.dtype if isinstance(descriptors, Tensor) else type(descriptors).__name__
         raise MethodError("shapes", f"describe gives {kind}, expected a floating Tensor")
-    if described.ndim < 2 or len(described) != len(rasters):
+    if descriptors.ndim < 2 or len(descriptors) != len(rasters):
         raise MethodError(
             "shapes",
-            f"describe gives {tuple(described.shape)} for {len(rasters)} rasters, expected "
+            f"describe gives {tuple(descriptors.shape)} for {len(rasters)} rasters, expected "
             f"({len(rasters)}, ...)",
         )
-    bad = int((~torch.isfinite(described)).sum())
+    bad = int((~torch.isfinite(descriptors)).sum())
     if bad:
-        raise MethodError("shapes", f"{bad} of {described.numel()} numbers are not finite")
-    score, turn = method.compare(described[:2], described)
-    expected = (2, len(described))
+        raise MethodError("shapes", f"{bad} of {descriptors.numel()} numbers are not finite")
+    score, turn = method.compare(descriptors[:2], descriptors)
+    expected = (2, len(descriptors))
     for name, values in (("score", score), ("turn", turn)):
         if values is None and name == "turn":
             continue
@@ -126,7 +124,7 @@ def check_shapes(method: Method, rasters: Tensor) -> Tensor:
             raise MethodError(
                 "shapes",
                 f"compare gives a {name} of {tuple(values.shape)} for 2 queries and "
-                f"{len(described)} entries, expected {expected}",
+                f"{len(descriptors)} entries, expected {expected}",
             )
     if not torch.isfinite(score).all():
         raise MethodError("shapes", f"{int((~torch.isfinite(score)).sum())} scores are not finite")
@@ -134,18 +132,18 @@ def check_shapes(method: Method, rasters: Tensor) -> Tensor:
         raise MethodError(
             "shapes", f"a turn of {float(turn.abs().nan_to_num().max()):.3f}, expected [-π, π]"
         )
-    return described
+    return descriptors
 
 
-def check_determinism(method: Method, rasters: Tensor, described: Tensor) -> None:
+def check_determinism(method: Method, rasters: Tensor, descriptors: Tensor) -> None:
     """Described again, and one at a time, scans have the same descriptors."""
-    apart = _difference(method.describe(rasters), described)
+    apart = _difference(method.describe(rasters), descriptors)
     if apart > 0:
         raise MethodError(
             "determinism", f"described twice, descriptors differ by {apart:.3g}, expected 0"
         )
     alone = torch.cat([method.describe(rasters[k : k + 1]) for k in range(len(rasters))])
-    apart = _difference(alone, described)
+    apart = _difference(alone, descriptors)
     if not apart <= TOLERANCE:
         raise MethodError(
             "determinism",
@@ -155,9 +153,9 @@ def check_determinism(method: Method, rasters: Tensor, described: Tensor) -> Non
         )
 
 
-def check_empty_batch(method: Method, rasters: Tensor, described: Tensor) -> None:
+def check_empty_batch(method: Method, rasters: Tensor, descriptors: Tensor) -> None:
     """No rasters give no descriptors; no queries and no entries give empty comparisons."""
-    expected = (0, *described.shape[1:])
+    expected = (0, *descriptors.shape[1:])
     try:
         empty = method.describe(rasters[:0])
     except Exception as error:
@@ -170,7 +168,7 @@ def check_empty_batch(method: Method, rasters: Tensor, described: Tensor) -> Non
             "empty batch",
             f"describe gives {tuple(empty.shape)} for 0 rasters, expected {expected}",
         )
-    for queries, database in ((empty, described), (described, empty)):
+    for queries, database in ((empty, descriptors), (descriptors, empty)):
         size = (len(queries), len(database))
         try:
             shape = tuple(method.compare(queries, database).score.shape)
@@ -184,9 +182,9 @@ def check_empty_batch(method: Method, rasters: Tensor, described: Tensor) -> Non
             raise MethodError("empty batch", f"compare gives scores {shape}, expected {size}")
 
 
-def check_self_similarity(method: Method, described: Tensor) -> None:
+def check_self_similarity(method: Method, descriptors: Tensor) -> None:
     """No scan is more alike another scan than itself, and it is less alike some."""
-    score = method.compare(described, described).score
+    score = method.compare(descriptors, descriptors).score
     own, best = score.diagonal(), score.max(dim=1)
     slack = TOLERANCE * float(score.abs().max())
     k = int((best.values - own).argmax())
@@ -235,13 +233,13 @@ def check_turn(method: Method, seed: int = 0) -> str:
     )
 
 
-def check_index(method: Method, described: Tensor) -> str:
+def check_index(method: Method, descriptors: Tensor) -> str:
     """The method's index finds what ``compare`` finds: scores, their order, and turns.
 
     Returns ''.
     """
-    half = len(described) // 2
-    queries, database = described[::2], described
+    half = len(descriptors) // 2
+    queries, database = descriptors[::2], descriptors
     index = index_of(method)
     index.add(database[:half])
     index.add(database[half:])
@@ -283,7 +281,7 @@ def check_index(method: Method, described: Tensor) -> str:
     return ""
 
 
-def check_file(method: Method, rasters: Tensor, described: Tensor) -> str:
+def check_file(method: Method, rasters: Tensor, descriptors: Tensor) -> str:
     """Written to a file and read again, the method is the same.
 
     A network is written as a network file and has to describe the same. Another method is rebuilt
@@ -294,7 +292,7 @@ def check_file(method: Method, rasters: Tensor, described: Tensor) -> str:
             path = Path(folder) / "network.safetensors"
             write_network(path, TrainedNetwork(method, "", ""))
             network = read_network(path, type(method)).method
-        apart = _difference(network.describe(rasters), described)
+        apart = _difference(network.describe(rasters), descriptors)
         if apart > 0:
             raise MethodError(
                 "file",
@@ -313,7 +311,8 @@ def check_file(method: Method, rasters: Tensor, described: Tensor) -> str:
             "file", f"rebuilt from its fingerprint, {key} is {other!r}, expected {value!r}"
         )
     apart = _difference(
-        rebuilt.compare(described, described).score, method.compare(described, described).score
+        rebuilt.compare(descriptors, descriptors).score,
+        method.compare(descriptors, descriptors).score,
     )
     if apart > 0:
         raise MethodError(

@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple, get_args
 import torch
 from torch import Tensor
 
+from deepring.core import fourier
 from deepring.errors import DeepringError
 
 Form = Literal["paper", "published"]
@@ -26,7 +27,7 @@ class Match(NamedTuple):
 
 def theta_spectrum(descriptor: Tensor) -> Tensor:
     """DFT over θ of descriptors (n, θ, ω), complex64 (n, θ // 2 + 1, ω): what a search stores."""
-    return torch.fft.rfft(descriptor.float(), dim=-2)
+    return fourier.rfft(descriptor.float(), dim=-2)
 
 
 def correlation_curves(queries: Tensor, database: Tensor) -> Tensor:
@@ -43,7 +44,7 @@ def correlation_curves(queries: Tensor, database: Tensor) -> Tensor:
     q = theta_spectrum(queries).permute(1, 0, 2)
     d = theta_spectrum(database).permute(1, 2, 0)
     cross = torch.bmm(q, d.conj())
-    return torch.fft.irfft(cross.permute(1, 2, 0), n=rows, dim=-1)
+    return fourier.irfft(cross.permute(1, 2, 0), n=rows, dim=-1)
 
 
 def magnitude_correlation_curves(queries: Tensor, database: Tensor) -> Tensor:
@@ -69,7 +70,7 @@ def magnitude_correlation_curves(queries: Tensor, database: Tensor) -> Tensor:
     few = torch.split(theta_spectrum(queries), max(1, pairs // max(1, len(database))))
 
     def curves(q: Tensor, d: Tensor) -> Tensor:
-        return torch.fft.irfft(q[:, None] * d, n=rows, dim=-2).abs().sum(dim=-1)
+        return fourier.irfft(q[:, None] * d, n=rows, dim=-2).abs().sum(dim=-1)
 
     return torch.cat([torch.cat([curves(q, d) for d in entries], dim=1) for q in few])
 
