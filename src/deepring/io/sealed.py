@@ -1,9 +1,9 @@
 """One file for tensors and the plain values that belong to them: sealed, and checked once.
 
-A sealed file is a safetensors file whose metadata hold a header, as JSON text, and the SHA-256 of
-that text. The header states what kind of file it is, the version of that kind's format, the plain
-values, and dtype, shape and SHA-256 of every tensor. Maps, networks, indexes and descriptors are
-such files: each states its kind, version, values and tensors as a `SealedFormat`.
+A sealed file is a safetensors file whose metadata hold, on two lines, the SHA-256 of a header and
+that header as JSON text. The header states what kind of file it is, the version of that kind's
+format, the plain values, and dtype, shape and SHA-256 of every tensor. Maps, networks, indexes and
+descriptors are such files: each states its kind, version, values and tensors as a `SealedFormat`.
 
 Files are memory-mapped when opened. Nothing in them is executed, and nothing is imported by a name
 that stands in one.
@@ -27,8 +27,9 @@ if TYPE_CHECKING:
 
 H = TypeVar("H")
 
-#: Where the header and its digest stand in the metadata.
-_HEADER, _DIGEST = "deepring_header", "deepring_sha256"
+#: Where digest and header stand in the metadata: under one key, since the order of several differs
+#: from one writing to the next.
+_KEY = "deepring_sealed"
 
 #: Where headers stood before there were sealed files.
 _BEFORE = {"deepring", "deepring_index", "deepring_map", "deepring_network"}
@@ -104,7 +105,7 @@ def write_sealed(
         temporary.touch()
         usual = temporary.stat().st_mode
         try:
-            save_file(whole, temporary, {_HEADER: text, _DIGEST: digest})
+            save_file(whole, temporary, {_KEY: f"{digest}\n{text}"})
         except SafetensorError as error:
             raise FileError(
                 f"{path}: cannot be written; expected a disk with room for it"
@@ -194,7 +195,7 @@ def _read(path: Path, format: SealedFormat[Any]) -> "tuple[dict[str, str], dict[
 
 def _sealed_text(path: Path, format: SealedFormat[Any], metadata: Mapping[str, str]) -> str:
     """The header's text, whose seal is whole."""
-    if _HEADER not in metadata:
+    if _KEY not in metadata:
         raise FileError(
             f"{format.kind} {path}: written by an earlier version of deepring; expected format "
             f"version {format.version}; {format.remedy}"
@@ -202,8 +203,8 @@ def _sealed_text(path: Path, format: SealedFormat[Any], metadata: Mapping[str, s
             else f"{format.kind} {path}: a safetensors file that deepring did not write; expected "
             f"{format.wanted}; give such a file"
         )
-    text = metadata[_HEADER]
-    if _sha256(text.encode()) != metadata.get(_DIGEST):
+    digest, _, text = metadata[_KEY].partition("\n")
+    if _sha256(text.encode()) != digest:
         raise FileError(
             f"{format.kind} {path}: its header was altered; expected the one that was written; "
             f"copy it again, or {format.remedy}"

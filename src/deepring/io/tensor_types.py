@@ -3,13 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import EllipsisType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from deepring.errors import FileError
+from deepring.errors import DataError
 from deepring.io.typed import differing_names
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from torch import Tensor
+
+    Array = Tensor | NDArray[Any]
 
 Size = int | str | EllipsisType
 """A number, the name of a number that is the same throughout a file, or ``...`` for any others."""
@@ -40,10 +43,11 @@ class TensorType:
 TensorTypes = Mapping[str, TensorType | None]
 
 
-def check_tensors(tensors: Mapping[str, "Tensor"], types: TensorTypes) -> dict[str, int]:
-    """The sizes that the types name. Raises FileError where tensors and types disagree.
+def check_tensors(tensors: Mapping[str, "Array"], types: TensorTypes) -> dict[str, int]:
+    """The sizes that the types name. Raises DataError where tensors and types disagree.
 
-    Names are compared first: one error lists all that are missing or unknown.
+    Names are compared first: one error lists all that are missing or unknown. Arrays of numpy
+    will do as well.
     """
     groups = tuple(name.removesuffix("*") for name in types if name.endswith("*"))
     named = {name: kind for name, kind in types.items() if kind is not None}
@@ -51,20 +55,21 @@ def check_tensors(tensors: Mapping[str, "Tensor"], types: TensorTypes) -> dict[s
     optional = {name for name, kind in named.items() if kind.optional}
     if problems := differing_names(alone, set(named), optional):
         expected = ", ".join(types)
-        raise FileError(f"tensors: {' and '.join(problems)}; expected {expected}")
+        raise DataError(f"tensors: {' and '.join(problems)}; expected {expected}")
     sizes: dict[str, int] = {}
-    for name, tensor in alone.items():
-        if not _fits(tensor, named[name], sizes):
-            told = {k: v for k, v in sizes.items() if k in named[name].shape}
+    for name, kind in named.items():
+        tensor = alone.get(name)
+        if tensor is not None and not _fits(tensor, kind, sizes):
+            told = {k: v for k, v in sizes.items() if k in kind.shape}
             where = "".join(f", {size} = {value}" for size, value in told.items())
-            raise FileError(
+            raise DataError(
                 f"tensor {name}: {dtype_of(tensor)} of shape {tuple(tensor.shape)}, expected "
-                f"{named[name]}{where}"
+                f"{kind}{where}"
             )
     return sizes
 
 
-def dtype_of(tensor: "Tensor") -> str:
+def dtype_of(tensor: "Array") -> str:
     """Such as 'float32'."""
     return str(tensor.dtype).removeprefix("torch.")
 
@@ -73,7 +78,7 @@ def _in_group(name: str, groups: tuple[str, ...], named: Mapping[str, TensorType
     return name not in named and name.startswith(groups)
 
 
-def _fits(tensor: "Tensor", kind: TensorType, sizes: dict[str, int]) -> bool:
+def _fits(tensor: "Array", kind: TensorType, sizes: dict[str, int]) -> bool:
     """Whether dtype and shape fit; sizes that are new are remembered."""
     shape, wanted = tuple(tensor.shape), kind.shape
     if wanted and wanted[-1] is ...:
