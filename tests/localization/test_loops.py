@@ -17,8 +17,9 @@ from deepring.data.session import Session
 from deepring.errors import DeepringError
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.graph_files import g2o_lines, json_text, tum_lines
+from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.loops import LOOP_THRESHOLDS, Loop, LoopGraph, LoopSettings, find_loops
-from deepring.localization.map import AcceptanceThresholds, Map
+from deepring.localization.map import Map
 from deepring.localization.refinement import RefinementSettings
 
 SETTINGS = LoopSettings(spacing=10.0, recent=40.0)

@@ -8,8 +8,9 @@ from deepring.cli.console import console
 from deepring.cli.map_command import add_drive, add_network, expect_new, network_of, open_drive
 from deepring.io.files import replacing
 from deepring.localization.graph_files import g2o_lines, json_text, tum_lines
+from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.loops import LOOP_THRESHOLDS, LoopSettings, find_loops
-from deepring.localization.map import AcceptanceThresholds, Map
+from deepring.localization.map import Map
 from deepring.localization.refinement import RefinementSettings
 from deepring.progress import progress_bar
 
@@ -24,7 +25,7 @@ def loops_command(arguments: Sequence[str]) -> None:
     settings = LoopSettings(args.spacing, args.recent, refinement)
     network = network_of(args.checkpoint)
     session, ground_z = open_drive(args)
-    empty = Map(network, ground_z, trust=AcceptanceThresholds(args.fit, args.ratio))
+    empty = Map(network, ground_z, thresholds=AcceptanceThresholds(args.fit, args.ratio))
     with progress_bar(f"{session.name}: looking back") as bar:
         graph = find_loops(session, empty, settings, bar)
     contents = {
@@ -52,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     add_drive(parser)
     add_network(parser)
     parser.add_argument("-o", dest="output", metavar="OUT", required=True, help="without ending")
-    usual, trust = LoopSettings(), LOOP_THRESHOLDS
+    usual, thresholds = LoopSettings(), LOOP_THRESHOLDS
     parser.add_argument(
         "--spacing",
         type=float,
@@ -66,12 +67,12 @@ def _parser() -> argparse.ArgumentParser:
         help="metres of path that a loop is longer than (%(default)s)",
     )
     parser.add_argument(
-        "--fit", type=float, default=trust.fit, help="least fit that is trusted (%(default)s)"
+        "--fit", type=float, default=thresholds.fit, help="least fit that is trusted (%(default)s)"
     )
     parser.add_argument(
         "--ratio",
         type=float,
-        default=trust.ratio,
+        default=thresholds.ratio,
         help="least ratio to a contradicting fit that is trusted (%(default)s)",
     )
     parser.add_argument(

@@ -14,7 +14,7 @@ from deepring.data.readers.formats import FORMATS, detect_format, ground_of, ope
 from deepring.data.session import Points, Session
 from deepring.data.spacing import sample_by_distance
 from deepring.errors import DeepringError
-from deepring.localization.calibration import Right, calibrate, try_out
+from deepring.localization.calibration import Tolerance, calibrate, run_trials
 from deepring.localization.map import Map
 from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing
@@ -63,12 +63,12 @@ def calibrate_map(args: argparse.Namespace) -> None:
     everywhere = np.ones(len(session.files), dtype=np.bool_)
     scans = sample_by_distance(session.positions, args.spacing, everywhere)
     with progress_bar(f"{session.name}: locating") as bar:
-        trials = try_out(held, scans_of(session, scans, bar), ground_z)
-    found = calibrate(trials, args.precision, Right(metres=args.within))
-    held.trust = found.trust
+        trials = run_trials(held, scans_of(session, scans, bar), ground_z)
+    found = calibrate(trials, args.precision, Tolerance(metres=args.within))
+    held.thresholds = found.thresholds
     held.save(args.output)
     console.print(f"written      {args.output}", markup=False)
-    console.print(f"trust        fit {found.trust.fit:g}, ratio {found.trust.ratio:.3f}")
+    console.print(f"trust        fit {found.thresholds.fit:g}, ratio {found.thresholds.ratio:.3f}")
     console.print(f"precision    {found.precision:.3f} of {found.trusted} trusted")
     console.print(f"recall       {found.recall:.3f}, of {found.scans} scans those near the map")
 
@@ -87,15 +87,14 @@ def show(path: Path, held: Map) -> None:
     console.print(f"map          {path}, {path.stat().st_size / 1e6:.1f} MB")
     console.print(f"places       {len(held)}")
     if len(held):
-        positions = held.poses[:, :2, 3].numpy()
-        size = np.ptp(positions, axis=0)
+        size = np.ptp(held.places.positions, axis=0)
         console.print(f"extent       {size[0]:.0f} m x {size[1]:.0f} m")
     settings = held.network.settings
     parameters = sum(p.numel() for p in held.network.parameters())
     console.print(f"network      {settings.label}, {parameters} parameters")
     console.print(f"descriptors  {held.index.settings.precision}")
     console.print(f"ground       {held.ground_z:g} m in the scans' frame")
-    console.print(f"trust        fit {held.trust.fit:g}, ratio {held.trust.ratio:g}")
+    console.print(f"trust        fit {held.thresholds.fit:g}, ratio {held.thresholds.ratio:g}")
 
 
 def _parser() -> argparse.ArgumentParser:

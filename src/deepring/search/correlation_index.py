@@ -1,7 +1,7 @@
 """Search by circular cross-correlation: of all places, or of the best by a short code."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -213,17 +213,19 @@ class CorrelationIndex:
     def restore(
         self,
         rows: Mapping[str, Tensor],
-        shape: Sequence[int],
+        shape: tuple[int, int] | None,
         basis: Tensor | None = None,
         step: Tensor | None = None,
     ) -> None:
         """Take rows as `BlockStore` holds them, such as memory-mapped ones, in place of all places.
 
         ``shape`` is (θ, ω) of the descriptors; ``basis`` and ``step`` are those of their code.
+        Raises DataError where these do not fit together.
         """
         self.places = BlockStore()
-        self.places.attach({name: value.to(self.device) for name, value in rows.items()})
-        self.shape = (shape[0], shape[1])
+        if rows:
+            self.places.attach({name: value.to(self.device) for name, value in rows.items()})
+        self.shape = shape
         self._take_code(basis, step)
 
     def _attach(self, folder: Path, shards: tuple[Shard, ...], check: bool = False) -> None:

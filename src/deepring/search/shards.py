@@ -96,8 +96,8 @@ def expect_block(
     shapes = {name: tuple(row.movedim(axis_of(name), 0).shape[1:]) for name, row in block.items()}
     if shapes != expected or dtype_of(block["values"]) != precision:
         raise DataError(
-            f"places of {dtype_of(block['values'])} with rows of {shapes}; expected {precision} "
-            f"with rows of {expected}, as descriptors of {rows} x {columns} are kept"
+            f"places with rows of {shapes}; expected {precision} values in rows of {expected}, as "
+            f"descriptors of {rows} x {columns} are kept"
         )
     if code is not None and (len(code.basis) != columns or len(code.step) > frequencies):
         raise DataError(
