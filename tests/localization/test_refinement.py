@@ -113,7 +113,7 @@ def test_mistakes_are_named(monkeypatch):
         refine(AGAIN[:0], REFERENCE, 0, (0, 0))
     holes = AGAIN.copy()
     holes[3, 1] = np.nan
-    with pytest.raises(DeepringError, match="reference: 1 of 9000 points"):
+    with pytest.raises(DeepringError, match=r"reference: 1 of \d+ points"):
         refine(AGAIN, holes, 0, (0, 0))
     monkeypatch.setitem(sys.modules, "small_gicp", None)
     with pytest.raises(DeepringError, match=r"pip install 'deepring\[refine\]'"):
