@@ -361,7 +361,7 @@ def test_what_the_format_has_no_place_for_is_not_written(tmp_path):
         (tensors_of(), replace(HEADER, scale="big")),
         (tensors_of(), replace(HEADER, free={"x": torch.zeros(1)})),
     ]:
-        with pytest.raises(FileError, match=r"a\.box: "):
+        with pytest.raises(FileError, match=r"a\.box: .*; nothing was written$"):
             write_sealed(path, FORMAT, header, tensors)
     assert list(tmp_path.iterdir()) == []
 
@@ -398,9 +398,10 @@ def test_a_file_that_is_open_can_be_replaced(box):
 
 def test_errors_about_contents_name_the_file(box):
     opened = open_sealed(box, FORMAT)
-    for error in (ConfigError("scale: 0.5"), DataError("scale: 0.5"), FileError("scale: 0.5")):
+    for error in (ConfigError("scale: 0.5"), DataError("scale: 0.5")):
         message = rf"^box {box}: scale: 0\.5; pack it again$"
         with pytest.raises(FileError, match=message), opened.contents():
             raise error
-    with pytest.raises(ZeroDivisionError), opened.contents():
-        raise ZeroDivisionError
+    for error in (FileError("another file"), ZeroDivisionError("no error of ours")):
+        with pytest.raises(type(error), match=f"^{error}$"), opened.contents():
+            raise error

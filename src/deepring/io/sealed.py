@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from deepring.errors import ConfigError, DeepringError, FileError
+from deepring.errors import ConfigError, DataError, DeepringError, FileError
 from deepring.io.files import replacing
 from deepring.io.tensor_types import TensorTypes, check_tensors, dtype_of
 from deepring.io.typed import field_values, typed
@@ -78,9 +78,9 @@ class Sealed(Generic[H]):
     def contents(self) -> Iterator[None]:
         """Errors about the file's contents, raised where these are used, name the file.
 
-        Any DeepringError but a FileError that names it already becomes such a FileError.
+        Any DeepringError but a FileError, which names its file already, becomes a FileError.
         """
-        with _named(self.path, self.format):
+        with _named(self.path, self.format, self.format.remedy):
             yield
 
 
@@ -97,7 +97,7 @@ def write_sealed(
 
     path = Path(path)
     whole = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
-    with _named(path, format):
+    with _named(path, format, "nothing was written"):
         check_tensors(whole, format.tensors)
         text = _header_text(format, header, whole)
     digest = _sha256(text.encode())
@@ -127,12 +127,12 @@ def open_sealed(path: Path | str, format: SealedFormat[H], *, check: bool = Fals
     metadata, tensors = _read(path, format)
     text = _sealed_text(path, format, metadata)
     stated = _stated(path, format, text)
-    with _named(path, format):
+    with _named(path, format, format.remedy):
         listed = typed(_Stated, stated, "header")
         if {name: _type_of(tensor) for name, tensor in tensors.items()} != {
             name: (entry.dtype, entry.shape) for name, entry in listed.tensors.items()
         }:
-            raise FileError("other tensors than its header states; expected the same")
+            raise DataError("other tensors than its header states; expected the same")
         check_tensors(tensors, format.tensors)
         header = typed(format.header, listed.values, "header")
     digests = {name: entry.sha256 for name, entry in listed.tensors.items()}
@@ -236,14 +236,13 @@ def _stated(path: Path, format: SealedFormat[Any], text: str) -> Any:
 
 
 @contextmanager
-def _named(path: Path, format: SealedFormat[Any]) -> Iterator[None]:
-    start = f"{format.kind} {path}: "
+def _named(path: Path, format: SealedFormat[Any], remedy: str) -> Iterator[None]:
     try:
         yield
+    except FileError:
+        raise
     except DeepringError as error:
-        if isinstance(error, FileError) and str(error).startswith(start):
-            raise
-        raise FileError(f"{start}{error}; {format.remedy}") from error
+        raise FileError(f"{format.kind} {path}: {error}; {remedy}") from error
 
 
 def _type_of(tensor: "Tensor") -> tuple[str, tuple[int, ...]]:

@@ -205,8 +205,8 @@ class CorrelationIndex:
         header = file.header
         index = cls(header.settings, period=header.period, cells=header.cells)
         index.shape = header.shape
+        index._attach(folder, header.shards, check=check)
         with file.contents():
-            index._attach(folder, header.shards, check=check)
             index._take_code(file.tensors.get("basis"), file.tensors.get("step"))
         return index
 
