@@ -72,9 +72,9 @@ def test_trust_is_calibrated_on_another_drive(place_map, tiny_nclt, tmp_path, he
     done = here("map", "calibrate", place_map, *drive, "-o", "sure.map")
     assert done.returncode == 0, done.stderr
     usual, sure = Map.open(place_map), Map.open(tmp_path / "sure.map", check=True)
-    assert sure.trust != usual.trust
+    assert sure.thresholds != usual.thresholds
     assert len(sure) == len(usual)
-    assert f"{sure.trust.fit:g}" in here("map", "info", "sure.map").stdout
+    assert f"{sure.thresholds.fit:g}" in here("map", "info", "sure.map").stdout
     refused(here("map", "calibrate", place_map, *drive, "-o", "sure.map"), "exists")
     drive[-1] = 0.999
     refused(here("map", "calibrate", place_map, *drive, "-o", "b.map"), "no thresholds")

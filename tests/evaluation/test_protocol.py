@@ -270,7 +270,9 @@ def test_what_cannot_be_exported_is_refused_before_the_queries_are_described(tmp
             return super().describe(rasters).double()
 
     method, tested = Exact(), task(*FIVE)
-    with pytest.raises(DeepringError, match="database: descriptors of float64: expected float32"):
+    with pytest.raises(
+        DeepringError, match=r"database: tensor descriptors: float64 of .* expected float32"
+    ):
         evaluate_method("toy", method, tested, export=tmp_path)
     assert sum(n > 1 for n in method.described) == 1  # scans that are timed come one at a time
     assert list(tmp_path.iterdir()) == []

@@ -184,7 +184,7 @@ def test_queries_without_an_answer_are_refused_with_the_nearest_place(exported):
 
 def test_an_empty_database_is_refused(exported):
     *_, database = exported("ring")
-    none = {name: array[:0] for name, array in database.tensors.items()}
+    none = {name: array[:0] for name, array in database.arrays.items()}
     with pytest.raises(DeepringError, match="road, region test: the database holds 0 places"):
         replace(database, **none)
 

@@ -22,7 +22,8 @@ from deepring.data.readers.formats import open_session
 from deepring.data.readers.scan_files import read_scan, scan_files
 from deepring.data.session import Points
 from deepring.errors import DeepringError
-from deepring.localization.map import Location, Map
+from deepring.localization.location import Location
+from deepring.localization.map import Map
 from deepring.progress import progress_bar
 
 #: A row: the scan's file, its stamp (ns) where a bag holds it, and where it was taken.

@@ -19,8 +19,8 @@ from deepring.methods.base import Method
 class Export:
     """Both sides in the making; what would fail after the work fails before it.
 
-    Raises DeepringError for a method whose `fingerprint` cannot be taken, and where a file of the
-    name holds something else.
+    Raises ConfigError for a method whose `fingerprint` cannot be taken, and FileError where a file
+    of the name holds something else.
     """
 
     def __init__(self, folder: Path, labels: Labels, method: Method) -> None:
@@ -32,7 +32,7 @@ class Export:
     def add(self, side: SideName, scans: ScanSet, described: Described, per_scan: float) -> None:
         """Take a side; ``per_scan`` is the seconds from points to descriptor.
 
-        Raises DeepringError for descriptors that a file cannot hold.
+        Raises DataError for descriptors that a file cannot hold.
         """
         self.sides.append(
             Descriptors(
@@ -50,6 +50,6 @@ class Export:
         )
 
     def write(self) -> None:
-        """Write the sides that were taken. Raises DeepringError where that cannot be."""
+        """Write the sides that were taken. Raises FileError where that cannot be."""
         for side in self.sides:
             write_descriptors(self.paths[side.side], side)

@@ -13,14 +13,9 @@ from deepring.data.cache import Progress
 from deepring.evaluation.described import Described
 from deepring.evaluation.descriptors import Labels
 from deepring.evaluation.protocol import Outcome, Side, Task, score_sides
-from deepring.localization.candidates import (
-    Candidates,
-    Rerank,
-    RerankSettings,
-    align_candidates,
-    by_location,
-    by_pose,
-)
+from deepring.localization.alignment import Alignment
+from deepring.localization.candidates import Rerank, RerankSettings, align_candidates, by_pose
+from deepring.localization.location import best_fit
 from deepring.methods.base import Comparison, Method, index_of
 from deepring.methods.describe import describe_all
 from deepring.search.hits import Hits
@@ -59,15 +54,15 @@ def evaluate_reranked(
     poses = _planar_poses(task.database)
     scores = {mode: [] for mode in modes}  # type: dict[Rerank, list[Tensor]]
     for q in range(len(task.query)):
-        candidates = align_candidates(
+        places = hits.place[q]
+        alignment = align_candidates(
             images.query.rasters[q : q + 1][0],
-            hits.place[q],
             None if hits.turn is None else hits.turn[q],
-            images.database.rasters[hits.place[q].numpy()],
+            images.database.rasters[places.numpy()],
             settings,
         )
         for mode in modes:
-            scores[mode].append(_SCORES[mode](candidates, poses, settings))
+            scores[mode].append(_SCORES[mode](places, alignment, poses, settings))
         if progress is not None:
             progress(q + 1, len(task.query))
     per_query = (time.perf_counter() - started) / len(task.query)
@@ -87,21 +82,25 @@ def _planar_poses(side: Side) -> Tensor:
     return torch.from_numpy(np.column_stack([scans.positions, heading]))
 
 
-def _pose_scores(candidates: Candidates, poses: Tensor, settings: RerankSettings) -> Tensor:
+def _pose_scores(
+    places: Tensor, alignment: Alignment, poses: Tensor, settings: RerankSettings
+) -> Tensor:
     """(d,) that put the candidates in their new order; the first has its own fit."""
-    order = by_pose(candidates, settings)
+    order = by_pose(alignment, settings)
     scores = torch.full((len(poses),), -1.0)
-    scores[candidates.place[order]] = -torch.arange(len(order)) / len(order)
-    scores[candidates.place[order[0]]] = candidates.aligned.score[order[0]]
+    scores[places[order]] = -torch.arange(len(order)) / len(order)
+    scores[places[order[0]]] = alignment.score[order[0]]
     return scores
 
 
-def _location_scores(candidates: Candidates, poses: Tensor, settings: RerankSettings) -> Tensor:
+def _location_scores(
+    places: Tensor, alignment: Alignment, poses: Tensor, settings: RerankSettings
+) -> Tensor:
     """(d,) that put the places in the order of their distance; the first has the best fit."""
-    located = by_location(candidates, poses[candidates.place], settings)
-    away = torch.linalg.vector_norm(poses[:, :2] - located.position, dim=-1)
+    best = best_fit(alignment, poses[places], settings)
+    away = torch.linalg.vector_norm(poses[:, :2] - best.position, dim=-1)
     scores = -away.float()
-    scores[away.argmin()] = located.fit
+    scores[away.argmin()] = best.fit
     return scores
 
 

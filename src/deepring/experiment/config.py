@@ -8,10 +8,11 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from deepring.checks import one_of
 from deepring.data.dataset import DatasetConfig
 from deepring.errors import DeepringError
 from deepring.evaluation.metrics import Over
-from deepring.localization.candidates import expect_rerank
+from deepring.localization.candidates import Rerank
 from deepring.training.episodes import EpisodeSettings
 
 
@@ -207,7 +208,7 @@ def _check_values(cfg: Config) -> None:
             f"evaluation.regions: {regions}, expected one or several of {', '.join(EVALUATED)}"
         )
     for mode in cfg.evaluation.rerank:
-        expect_rerank("evaluation.rerank", mode)
+        one_of("evaluation.rerank", mode, Rerank)
     if cfg.evaluation.candidates < 1:
         raise DeepringError(
             f"evaluation.candidates: {cfg.evaluation.candidates}, expected at least 1"
