@@ -12,7 +12,7 @@ from deepring.experiment.train import check_overlap, train
 from deepring.training.datamodule import PlaceDataModule
 
 NARROW = ("spacing.train=1", "regions.validation_share=0.3", "regions.margin=1")
-EPISODE = ("episode.ways=2", "episode.queries=1", "episode.per_epoch=2")
+EPISODE = ("sampling.ways=2", "sampling.queries=1", "sampling.per_epoch=2")
 
 
 @pytest.fixture

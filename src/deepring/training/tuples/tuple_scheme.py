@@ -1,4 +1,4 @@
-"""Tuples to train on: a query, scans of its place, scans of other places (PointNetVLAD, DiSCO).
+"""The tuple scheme: a query, scans of its place, scans of other places (PointNetVLAD, DiSCO).
 
 Source: Uy and Lee, CVPR 2018 (mikacuy/pointnetvlad); Xu et al., RA-L 2021
 (MaverickPeter/DiSCO-pytorch).
@@ -11,11 +11,15 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.utils.data import Dataset
 
-from deepring.errors import DeepringError
+from deepring.checks import count
+from deepring.errors import ConfigError, DataError
+from deepring.methods.describe import describe_all
+from deepring.methods.network import NetworkMethod
 from deepring.rasters.turning import sectors_in, turn_rasters
-from deepring.training.training_scans import TrainingScans, check_apart, within
+from deepring.training.scheme import Step, TrainingScheme, TrainingSet
+from deepring.training.training_scans import TrainingScans, check_radii, within
+from deepring.training.tuples.tuple_losses import TupleDescriptors, TupleLoss
 
 
 class TupleBatch(NamedTuple):
@@ -24,15 +28,17 @@ class TupleBatch(NamedTuple):
     rasters: Tensor
     """(t, 1 + positives + negatives + 1, *raster.shape)."""
     positives: int
+    """Positives per tuple."""
     turn: Tensor
     """(t,) int64: sectors by which the query is turned against its positives; 0 without turns."""
 
 
 @dataclass(frozen=True)
-class TupleSettings:
-    """How tuples are drawn; distances in metres. Defaults are PointNetVLAD's.
+class TupleScheme(TrainingScheme):
+    """Tuples; distances in metres. Defaults are PointNetVLAD's.
 
     Queries come in random order, none twice in an epoch; None for ``per_epoch`` takes all of them.
+    Positives lie within ``positive_radius`` of the query, negatives beyond ``negative_radius``.
     ``hard`` of the negatives are the most alike among ``sampled`` random ones, as the network saw
     them when it last described the training scans, which it does before each epoch from
     ``hard_from`` on (counted from 0); until then, and with ``hard`` 0, all are random. The last
@@ -40,62 +46,85 @@ class TupleSettings:
     with the query's heading and turns the query by a random number of sectors (DiSCO).
     """
 
+    loss_type = TupleLoss
+
     per_batch: int = 2
     positives: int = 2
     negatives: int = 18
     per_epoch: int | None = None
-    same: float = 10.0
-    different: float = 50.0
+    positive_radius: float = 10.0
+    negative_radius: float = 50.0
     hard: int = 10
     sampled: int = 4000
     hard_from: int = 6
     turned: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("per_batch", "positives", "negatives", "per_epoch", "sampled"):
-            if getattr(self, name) is not None and getattr(self, name) < 1:
-                raise DeepringError(f"drawing.{name}: {getattr(self, name)}, expected at least 1")
-        if not 0 <= self.hard <= self.negatives:
-            raise DeepringError(
-                f"drawing.hard: {self.hard}, expected 0 to drawing.negatives={self.negatives}"
+        for name in ("per_batch", "positives", "negatives", "sampled"):
+            count(f"sampling.{name}", getattr(self, name))
+        for name in ("hard", "hard_from"):
+            count(f"sampling.{name}", getattr(self, name), 0)
+        if self.per_epoch is not None:
+            count("sampling.per_epoch", self.per_epoch)
+        if self.hard > self.negatives:
+            raise ConfigError(
+                f"sampling.hard: {self.hard}, expected 0 to sampling.negatives={self.negatives}"
             )
-        check_apart("drawing", self.same, self.different)
+        check_radii(self.positive_radius, self.negative_radius)
 
-    def training_set(self, pool: TrainingScans, seed: int) -> "TupleSet":
-        """Tuples of a pool. Raises DeepringError where no scan has enough around it."""
-        return TupleSet(pool, self, seed)
+    def training_set(self, scans: TrainingScans, seed: int) -> "TupleSet":
+        """Tuples of the scans. Raises DataError where no scan has enough others around it."""
+        return TupleSet(scans, self, seed)
+
+    def step(self, method: NetworkMethod, loss: TupleLoss, batch: TupleBatch) -> Step:
+        """Describe all scans of the tuples at once."""
+        shape = batch.rasters.shape[:2]
+        descriptors = method(batch.rasters.flatten(0, 1))
+        vectors = method.vectors(descriptors).view(*shape, -1)
+        descriptors = descriptors.view(*shape, *descriptors.shape[1:])
+        return loss(TupleDescriptors(vectors, descriptors, batch.positives, batch.turn))
 
 
-class TupleSet(Dataset[TupleBatch]):
-    """Batch number i, the same in every process and for any number of workers."""
+class TupleSet(TrainingSet[TupleBatch]):
+    """Batch number i, counted through all epochs."""
 
-    def __init__(self, pool: TrainingScans, settings: TupleSettings, seed: int) -> None:
-        self.pool, self.settings, self.seed = pool, settings, seed
-        self.sectors = sectors_in(pool.rasters.raster) if settings.turned else 0
-        self.near = within(pool.points, settings.same)
-        self.around = within(pool.points, settings.different)
+    def __init__(self, scans: TrainingScans, scheme: TupleScheme, seed: int) -> None:
+        self.scans, self.scheme, self.seed = scans, scheme, seed
+        self.sectors = sectors_in(scans.rasters.raster) if scheme.turned else 0
+        self.near = within(scans.points, scheme.positive_radius)
+        self.around = within(scans.points, scheme.negative_radius)
         self.queries = np.array(
             [
                 k
-                for k in range(len(pool))
-                if len(self.near[k]) > settings.positives
-                and len(pool) - len(self.around[k]) > settings.negatives
+                for k in range(len(scans))
+                if len(self.near[k]) > scheme.positives
+                and len(scans) - len(self.around[k]) > scheme.negatives
             ],
             dtype=np.int64,
         )
         self.vectors: Tensor | None = None
         if not len(self.queries):
-            raise DeepringError(
-                f"drawing: none of {len(pool)} training scans has {settings.positives} others "
-                f"within {settings.same:g} m and more than {settings.negatives} beyond "
-                f"{settings.different:g} m; lower drawing.positives or drawing.negatives, change "
-                "drawing.same or drawing.different, or enlarge data.regions.train"
+            raise DataError(
+                f"sampling: none of {len(scans)} training scans has {scheme.positives} others "
+                f"within {scheme.positive_radius:g} m and more than {scheme.negatives} beyond "
+                f"{scheme.negative_radius:g} m; lower sampling.positives or sampling.negatives, "
+                "change sampling.positive_radius or sampling.negative_radius, or enlarge "
+                "data.regions.train"
             )
         self[0]  # fail here, not in a worker
 
     def __len__(self) -> int:
-        """Batches in an epoch."""
-        return self.settings.per_epoch or -(-len(self.queries) // self.settings.per_batch)
+        """Batches per epoch."""
+        return self.scheme.per_epoch or -(-len(self.queries) // self.scheme.per_batch)
+
+    def before_epoch(self, epoch: int, method: NetworkMethod) -> None:
+        """Describe all training scans, by which hard negatives are found.
+
+        The descriptors are of the weights at that moment, so that a resumed run sees the same.
+        """
+        if self.scheme.hard and epoch >= self.scheme.hard_from:
+            descriptors = describe_all(method, self.scans.rasters)
+            self.learn(method.vectors(descriptors).float().cpu())
 
     def learn(self, vectors: Tensor) -> None:
         """Take descriptors (n, d) of all scans, by which hard negatives are found."""
@@ -106,15 +135,15 @@ class TupleSet(Dataset[TupleBatch]):
         rng = np.random.default_rng([self.seed, index])
         epoch, number = divmod(index, len(self))
         order = np.random.default_rng([self.seed, epoch, 1]).permutation(self.queries)
-        first = number * self.settings.per_batch
-        queries = order.take(range(first, first + self.settings.per_batch), mode="wrap")
+        first = number * self.scheme.per_batch
+        queries = order.take(range(first, first + self.scheme.per_batch), mode="wrap")
         scans = np.stack([self.draw(int(query), rng) for query in queries])
-        rasters = self.pool.rasters[scans]
+        rasters = self.scans.rasters[scans]
         turn = torch.zeros(len(scans), dtype=torch.int64)
-        if self.settings.turned:
+        if self.scheme.turned:
             turn = torch.from_numpy(rng.integers(self.sectors, size=len(scans)))
             rasters = self._turned(rasters, scans, turn)
-        return TupleBatch(rasters, self.settings.positives, turn)
+        return TupleBatch(rasters, self.scheme.positives, turn)
 
     def draw(self, query: int, rng: np.random.Generator, tries: int = 20) -> NDArray[np.int64]:
         """Numbers of the scans of one tuple, in the order of `TupleBatch`.
@@ -122,7 +151,7 @@ class TupleSet(Dataset[TupleBatch]):
         The last negative is chosen before the others, which keep away from it. Raises
         DeepringError where the pool is too small for both.
         """
-        s = self.settings
+        s = self.scheme
         near = self.near[query]
         positives = rng.choice(near[near != query], s.positives, replace=False)
         far = self._beyond(query)
@@ -131,22 +160,22 @@ class TupleSet(Dataset[TupleBatch]):
             if len(candidates) >= s.negatives:
                 negatives = self._negatives(query, candidates, rng)
                 return np.concatenate([[query], positives, negatives, [other]])
-        raise DeepringError(
-            f"drawing.negatives: {s.negatives} scans that are all beyond {s.different:g} m of the "
-            f"query and of one more negative are not to be had among {len(self.pool)} training "
-            "scans; lower drawing.negatives or drawing.different, or enlarge data.regions.train"
+        raise DataError(
+            f"sampling.negatives: no {s.negatives} of {len(self.scans)} training scans are all "
+            f"beyond {s.negative_radius:g} m of the query and of one more negative; lower "
+            "sampling.negatives or sampling.negative_radius, or enlarge data.regions.train"
         )
 
     def _beyond(self, scan: int) -> NDArray[np.int64]:
         """The scans of other places than this one's."""
-        everything = np.ones(len(self.pool), dtype=np.bool_)
+        everything = np.ones(len(self.scans), dtype=np.bool_)
         everything[self.around[scan]] = False
         return np.flatnonzero(everything)
 
     def _negatives(
         self, query: int, candidates: NDArray[np.int64], rng: np.random.Generator
     ) -> NDArray[np.int64]:
-        s = self.settings
+        s = self.scheme
         shuffled = rng.permutation(candidates)
         if self.vectors is None or not s.hard:
             return shuffled[: s.negatives]
@@ -158,11 +187,11 @@ class TupleSet(Dataset[TupleBatch]):
 
     def _turned(self, rasters: Tensor, scans: NDArray[np.int64], turn: Tensor) -> Tensor:
         """Positives aligned with their query's heading, the query turned; negatives as they are."""
-        raster, step = self.pool.rasters.raster, 2 * np.pi / self.sectors
-        headings = self.pool.headings[scans]  # (t, k)
+        raster, step = self.scans.rasters.raster, 2 * np.pi / self.sectors
+        headings = self.scans.headings[scans]  # (t, k)
         # Seen from the query's heading the points of a positive are turned by h_p - h_q.
         apart = np.round((headings - headings[:, :1]) / step).astype(np.int64)
-        apart[:, 1 + self.settings.positives :] = 0
+        apart[:, 1 + self.scheme.positives :] = 0
         sectors = torch.from_numpy(apart)
         sectors[:, 0] = turn
         flat = turn_rasters(raster, rasters.flatten(0, 1), sectors.flatten())
