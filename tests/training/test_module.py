@@ -13,6 +13,7 @@ from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.rasters.kinds import BevRaster, raster_settings
 from deepring.training.batch_order import BatchOrder
+from deepring.training.callbacks import BetweenEpochs
 from deepring.training.datamodule import RetrievalBatch
 from deepring.training.episodes import EpisodeScheme, OneShotCrossEntropy
 from deepring.training.module import PlaceModule
@@ -188,9 +189,36 @@ def furthest(a, b):
     return max((a[name] - b[name]).abs().max().item() for name in names)
 
 
+class Rank(EpisodeScheme):
+    """Episodes whose step tells which process takes it."""
+
+    def step(self, method, loss, batch):
+        step = super().step(method, loss, batch)
+        return step._replace(parts={"rank": torch.tensor(float(torch.distributed.get_rank()))})
+
+
+class Told(Toy):
+    """Writes down what the training set is told after an epoch, a file per process."""
+
+    def __init__(self, folder):
+        super().__init__()
+        self.folder, self.train_set = folder, self
+
+    def before_epoch(self, epoch, method):
+        assert (epoch, type(method)) == (0, DeepRing)
+
+    def after_epoch(self, parts):
+        (self.folder / f"rank{self.trainer.global_rank}").write_text(str(parts))
+
+
 def test_two_processes_train_on_different_episodes_and_agree(tmp_path):
     model = module(optimizer=DESCENT)
-    fit(model, tmp_path, 1, devices=2, strategy="ddp_spawn")
+    model.scheme = Rank(ways=4, shots=1, queries=2, per_epoch=6)
+    callbacks = [L.pytorch.callbacks.ModelCheckpoint(tmp_path, "last"), BetweenEpochs()]
+    options = {"devices": 2, "strategy": "ddp_spawn", "callbacks": callbacks}
+    fit(model, tmp_path, 1, data=Told(tmp_path), **options)
+    # What sets learn between epochs is the mean of both processes, in both.
+    assert [(tmp_path / f"rank{k}").read_text() for k in range(2)] == ["{'rank': 0.5}"] * 2
     found = torch.load(tmp_path / "last.ckpt", weights_only=True)["state_dict"]
     first, second = (BatchOrder(EPISODE.per_epoch, rank, 2) for rank in range(2))
     start = module().state_dict()

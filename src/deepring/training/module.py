@@ -67,7 +67,10 @@ class PlaceModule(L.LightningModule):
         self.log("train/loss", step.loss, prog_bar=True, batch_size=1)
         self.log("train/accuracy", step.accuracy, prog_bar=True, batch_size=1)
         for name, value in step.parts.items():
-            self.log(f"train/{name}", value, on_step=False, on_epoch=True, batch_size=1)
+            # Of all processes, since training sets go by it between epochs.
+            self.log(
+                f"train/{name}", value, on_step=False, on_epoch=True, batch_size=1, sync_dist=True
+            )
         return step.loss
 
     def validation_step(self, batch: RetrievalBatch, _: int, dataloader_idx: int = 0) -> None:

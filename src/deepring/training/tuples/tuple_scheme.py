@@ -149,7 +149,7 @@ class TupleSet(TrainingSet[TupleBatch]):
         """Numbers of the scans of one tuple, in the order of `TupleBatch`.
 
         The last negative is chosen before the others, which keep away from it. Raises
-        DeepringError where the pool is too small for both.
+        DataError where the scans are too few for both.
         """
         s = self.scheme
         near = self.near[query]
