@@ -118,7 +118,7 @@ class BatchHardScheme(TrainingScheme):
 
 
 class ScanBatchSet(TrainingSet[ScanBatch]):
-    """Batch number i, counted through all epochs, at the size that the set has grown to."""
+    """Batches of pairs, which grow from epoch to epoch, see `ScanBatch`."""
 
     def __init__(self, scans: TrainingScans, scheme: BatchHardScheme, seed: int) -> None:
         self.scans, self.scheme, self.seed = scans, scheme, seed
@@ -159,7 +159,7 @@ class ScanBatchSet(TrainingSet[ScanBatch]):
         self.size = min(int(self.size * s.expand_by), s.limit) // 2 * 2
 
     def __getitem__(self, index: int) -> ScanBatch:
-        """Draw batch ``index``, of all epochs counted through, at the present size."""
+        """Draw batch ``index`` at the present size."""
         rng = np.random.default_rng([self.seed, index])
         scans = self.draw(rng)
         rasters = self.scans.rasters[scans]

@@ -71,7 +71,7 @@ class EpisodeScheme(TrainingScheme):
 
 
 class EpisodeSet(TrainingSet[Episode]):
-    """Episode number i, counted through all epochs."""
+    """Episodes of places drawn at random."""
 
     def __init__(self, places: "Places", rasters: Rasters, seed: int) -> None:
         self.places, self.rasters, self.seed = places, rasters, seed

@@ -86,7 +86,7 @@ class TupleScheme(TrainingScheme):
 
 
 class TupleSet(TrainingSet[TupleBatch]):
-    """Batch number i, counted through all epochs."""
+    """Batches of tuples, see `TupleBatch`."""
 
     def __init__(self, scans: TrainingScans, scheme: TupleScheme, seed: int) -> None:
         self.scans, self.scheme, self.seed = scans, scheme, seed
@@ -131,7 +131,7 @@ class TupleSet(TrainingSet[TupleBatch]):
         self.vectors = vectors
 
     def __getitem__(self, index: int) -> TupleBatch:
-        """Draw batch ``index``, of all epochs counted through."""
+        """Draw batch ``index``."""
         rng = np.random.default_rng([self.seed, index])
         epoch, number = divmod(index, len(self))
         order = np.random.default_rng([self.seed, epoch, 1]).permutation(self.queries)
