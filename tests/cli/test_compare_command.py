@@ -4,7 +4,7 @@ from deepring.evaluation.results import read_results
 from helpers.cli import deepring, refused
 
 TINY = (
-    *("episode.ways=2", "episode.queries=1", "episode.per_epoch=2", "trainer.max_epochs=1"),
+    *("sampling.ways=2", "sampling.queries=1", "sampling.per_epoch=2", "trainer.max_epochs=1"),
     *("callbacks.progress=null", "trainer.log_every_n_steps=1"),
 )
 

@@ -22,7 +22,7 @@ def train(folder, recall=0.5, seed=0, kind="dft", ways=24, data="sim", status="f
         "representation": {"raster": {"kind": "bev"}},
         "aggregation": {"kind": kind},
         "loss": {"_target_": "losses.OneShotCrossEntropy"},
-        "episode": {"ways": ways},
+        "sampling": {"ways": ways},
     }
     folder.mkdir(parents=True)
     (folder / "config.yaml").write_text(json.dumps(config))

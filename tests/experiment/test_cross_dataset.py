@@ -12,7 +12,7 @@ from deepring.experiment.train import check_overlap, train
 from deepring.training.datamodule import PlaceDataModule
 
 NARROW = ("spacing.train=1", "regions.validation_share=0.3", "regions.margin=1")
-EPISODE = ("episode.ways=2", "episode.queries=1", "episode.per_epoch=2")
+EPISODE = ("sampling.ways=2", "sampling.queries=1", "sampling.per_epoch=2")
 
 
 @pytest.fixture
@@ -91,23 +91,23 @@ def test_the_test_set_changes_nothing_of_the_training(crossing, tmp_path):
     assert not (tmp_path / "beside" / "descriptors").exists()
 
 
-def test_only_the_training_pool_reaches_the_training(crossing, monkeypatch, tmp_path):
-    """The pool's positions are the training scans' and no others."""
-    pools = []
+def test_only_training_scans_reach_the_training(crossing, monkeypatch, tmp_path):
+    """The episodes' positions are the training scans' and no others."""
+    points = []
     setup = PlaceDataModule.setup
 
     def spy(self, stage):
         setup(self, stage)
-        pools.append(self.pool)
+        points.append(self.train_set.places.points)
 
     monkeypatch.setattr(PlaceDataModule, "setup", spy)
     cfg = crossing()
     train(cfg, tmp_path / "run")
     dataset = build.datasets(cfg).train[0]
     expected = np.concatenate([scans.positions for scans in dataset.training()])
-    found = pools[0].positions + dataset.database.positions[0]
-    assert np.allclose(np.sort(found, axis=0), np.sort(expected, axis=0))
-    assert set(pools[0].owners) == {0}
+    positions = points[0][:, :2] + dataset.database.positions[0]
+    assert np.allclose(np.sort(positions, axis=0), np.sort(expected, axis=0))
+    assert set(points[0][:, 2]) == {0.0}
 
 
 def test_overlap_is_refused_left_out_or_allowed(crossing, caplog):

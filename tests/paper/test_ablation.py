@@ -13,7 +13,7 @@ from deepring.paper.ablation import ablation_tables
 from deepring.paper.ablation_tables import number_grid, shown_grid
 from deepring.paper.seed_groups import Run, collect_rows
 
-LOSSES = "deepring.training.losses."
+LOSSES = "deepring.training.episodes."
 GAP = {"aggregation.kind": "gap"}
 PG = {"representation.raster.kind": "polar", "representation.angles": None}
 TRIPLET = {"loss": {"_target_": f"{LOSSES}Triplet", "margin": 0.5}, "similarity.kind": "l2"}
@@ -37,7 +37,7 @@ def config(seed=0, changes=()):
         "aggregation": {"kind": "dft"},
         "similarity": {"kind": "correlation", "normalisation": "unit"},
         "loss": {"_target_": f"{LOSSES}OneShotCrossEntropy", "temperature_scale": 100.0},
-        "episode": {"ways": 24, "shots": 1},
+        "sampling": {"ways": 24, "shots": 1},
         "optimizer": {"lr": 1e-3},
         "trainer": {"accelerator": "cpu", "max_epochs": 12},
         "workers": 0,
@@ -227,7 +227,7 @@ def test_a_key_that_follows_from_the_components_is_no_column_and_one_that_does_n
 
 @pytest.mark.parametrize(
     "changes",
-    [{"similarity.kind": "cosine"}, {"representation.theta_range": "half"}, {"episode.ways": 8}],
+    [{"similarity.kind": "cosine"}, {"representation.theta_range": "half"}, {"sampling.ways": 8}],
 )
 def test_another_setting_than_the_papers_has_no_paper_value(changes):
     assert column(shown_grid(table([run(changes=changes), run(changes=PG)])), "paper")[1] == "-"
@@ -243,7 +243,7 @@ def test_which_row_is_the_papers_is_told_by_what_the_paper_states():
 
 
 def ways(*numbers, **changes):
-    return [run(number / 100, changes={"episode.ways": number, **changes}) for number in numbers]
+    return [run(number / 100, changes={"sampling.ways": number, **changes}) for number in numbers]
 
 
 def test_table_four_has_the_ways_as_columns():
@@ -270,13 +270,13 @@ def test_both_tables_from_both_sweeps_and_no_row_is_lost():
     first, second = ablation_tables([*ways(8, 16, 24), run(changes=GAP), run(changes=PG)])
     assert (first.name, second.name) == ("table3", "table4")
     assert column(shown_grid(first), "Input") == ["PG", "SG", "SG"]
-    assert "episode.ways" not in shown_grid(first).headers
+    assert "sampling.ways" not in shown_grid(first).headers
     assert len(second.entries) == 3
 
 
 def test_ways_of_another_network_are_no_table_four():
-    grid = shown_grid(table([run(changes=PG | {"episode.ways": number}) for number in (8, 16)]))
-    assert (grid.headers[0], column(grid, "episode.ways")) == ("episode.ways", ["8", "16"])
+    grid = shown_grid(table([run(changes=PG | {"sampling.ways": number}) for number in (8, 16)]))
+    assert (grid.headers[0], column(grid, "sampling.ways")) == ("sampling.ways", ["8", "16"])
 
 
 def test_any_other_sweep_is_a_table_of_the_keys_it_varies_in_order_of_size():

@@ -17,7 +17,7 @@ def run(recall, seed=0, kind="dft", ways=24, pool=1):
         "representation": {"raster": {"kind": "bev"}, "pool": pool},
         "aggregation": {"kind": kind},
         "loss": {"_target_": "losses.OneShotCrossEntropy"},
-        "episode": {"ways": ways},
+        "sampling": {"ways": ways},
     }
     return Run(f"{kind}{ways}-{pool}-{seed}", config, [result])
 

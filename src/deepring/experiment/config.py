@@ -13,7 +13,6 @@ from deepring.data.dataset import DatasetConfig
 from deepring.errors import DeepringError
 from deepring.evaluation.metrics import Over
 from deepring.localization.candidates import Rerank
-from deepring.training.episodes import EpisodeSettings
 
 
 @dataclass
@@ -118,9 +117,8 @@ class Config:
     encoder: EncoderConfig | None = None
     aggregation: AggregationConfig | None = None
     similarity: SimilarityConfig | None = None
-    #: How training batches are drawn: episodes, or what `drawing` makes.
-    episode: EpisodeSettings | None = None
-    drawing: Any = None
+    #: The training scheme, see `deepring.training.scheme`, and how its batches are drawn.
+    sampling: Any = None
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
     paths: PathsConfig = field(default_factory=PathsConfig)
     # Built by hydra's instantiate, which checks their arguments.
@@ -132,7 +130,7 @@ class Config:
     logger: Any = None
     #: Methods evaluated besides.
     methods: dict[str, Any] = field(default_factory=dict)
-    #: Processes that draw episodes.
+    #: Processes that draw training batches.
     workers: int = 0
     #: Evaluate the best checkpoint at the end of training.
     evaluate: bool = True

@@ -29,7 +29,7 @@ from deepring.reports.results_table import recall
 
 #: What a trained method is made with, beside the data.
 _MADE = re.compile(
-    r"(method|representation|encoder|aggregation|similarity|loss|episode|drawing|optimizer"
+    r"(method|representation|encoder|aggregation|similarity|loss|sampling|optimizer"
     r"|scheduler|trainer|callbacks)\..*"
 )
 

@@ -6,13 +6,16 @@ import pytest
 import torch
 import torch.nn.functional as F
 
-from deepring.core.correlation import unit_norm
+from deepring.core.correlation import circular_cross_correlation, unit_norm
 from deepring.core.similarity import cosine, negative_distance
 from deepring.errors import DeepringError
-from deepring.training.classifier import class_scores, correlation
-from deepring.training.losses import OneShotCrossEntropy, Quadruplet, Triplet
+from deepring.training.episodes import OneShotCrossEntropy, Quadruplet, Triplet, class_scores
 
 WAYS, QUERIES = 4, 2
+
+
+def correlation(queries, database):
+    return circular_cross_correlation(queries, database).score
 
 
 def episode(shots=1, seed=0, noise=1.0):
@@ -80,9 +83,9 @@ def test_a_way_s_own_pairs_do_not_count_in_the_quadruplet():
     loss = Quadruplet(0.1, 0.4)
     score = negative_distance
     of_pair = loss(queries[:4], support, targets[:4], score).loss
-    first = loss.triplet(queries[:4], support, targets[:4], score).loss
+    first = Triplet(0.1)(queries[:4], support, targets[:4], score).loss
     of_others = loss(queries[4:], support, targets[4:], score).loss
-    others_first = loss.triplet(queries[4:], support, targets[4:], score).loss
+    others_first = Triplet(0.1)(queries[4:], support, targets[4:], score).loss
     assert (of_pair - first).item() == pytest.approx(0, abs=1e-6)
     assert (of_others - others_first).item() > 0.3
 
@@ -102,7 +105,9 @@ def test_cross_entropy_goes_with_every_similarity(score):
     value = loss(queries, support, targets, score)
     expected = F.cross_entropy(7.0 * class_scores(queries, support, score), targets)
     assert value.loss.item() == pytest.approx(expected.item(), rel=1e-6)
-    assert torch.equal(value.scores.argmax(1), class_scores(queries, support, score).argmax(1))
+    right = class_scores(queries, support, score).argmax(1) == targets
+    assert value.accuracy.item() == pytest.approx(right.float().mean().item())
+    assert value.parts["W"].item() == 7.0
 
 
 def test_a_turned_query_costs_nothing_under_correlation_alone():
@@ -132,5 +137,5 @@ def test_wrong_arguments_are_named():
     with pytest.raises(DeepringError, match=r"loss\.mining: 'hard'"):
         Triplet(mining="hard")
     queries, support, targets = episode()
-    with pytest.raises(DeepringError, match=r"episode\.ways: 2"):
+    with pytest.raises(DeepringError, match=r"sampling\.ways: 2"):
         Quadruplet()(queries[:4], support[:2], targets[:4], negative_distance)
