@@ -38,4 +38,4 @@ def test_the_docs_method_trains_from_its_file_and_its_config(tiny_nclt, tmp_path
         )
     trained = train(check_config(composed), tmp_path / "run")
     assert type(load_network(trained.checkpoint).method) is sys.modules["mine"].Mine
-    assert "Mine" in {r.method for r in trained.results}
+    assert "Mine" in {r.case.method for r in trained.results}

@@ -7,7 +7,6 @@ Nothing in it is executed when it is read. A SHA-256 over header and tensors tel
 import hashlib
 import json
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -19,6 +18,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from deepring.errors import DeepringError
+from deepring.evaluation.case import Case
 from deepring.evaluation.fingerprint import as_read_back, digest_of
 from deepring.io.files import write_whole
 
@@ -36,16 +36,6 @@ _KEY = "deepring"
 _TENSORS = {"descriptors": np.float32, "positions": np.float64, "indices": np.int64}
 _TEXTS = ("method", "train", "test", "region", "session")
 _WANTED = "expected a descriptor file as evaluate_method(..., export=FOLDER) writes it"
-
-
-@dataclass(frozen=True)
-class Labels:
-    """What descriptors and rows of results are about: the first columns of `Result`."""
-
-    method: str
-    train: str
-    test: str
-    region: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,9 +94,9 @@ class Descriptors:
         return len(self.descriptors)
 
     @property
-    def labels(self) -> Labels:
+    def case(self) -> Case:
         """What they are about."""
-        return Labels(self.method, self.train, self.test, self.region)
+        return Case(self.method, self.train, self.test, self.region)
 
     @property
     def tensors(self) -> dict[str, NDArray[Any]]:
@@ -137,27 +127,26 @@ class Descriptors:
             )
 
 
-def file_name(labels: Labels, side: SideName) -> str:
-    """'Scan_Context_20x60__sim_nclt__test__query.safetensors': as `Retrievals` are named."""
-    parts = (labels.method, labels.test, labels.region)
-    return "__".join([*(re.sub(r"[^A-Za-z0-9_-]+", "_", part) for part in parts), side]) + ENDING
+def file_name(case: Case, side: SideName) -> str:
+    """'Scan_Context_20x60__sim_nclt__test__query.safetensors': as files of matches are named."""
+    return case.file_name(f"__{side}{ENDING}")
 
 
-def free_path(folder: Path, labels: Labels, side: SideName) -> Path:
-    """Where a side is written in a folder: to a new file, or in place of one of equal labels.
+def free_path(folder: Path, case: Case, side: SideName) -> Path:
+    """Where a side is written in a folder: to a new file, or in place of one of an equal case.
 
     Raises DeepringError where the file is there and holds something else.
     """
-    path = folder / file_name(labels, side)
+    path = folder / file_name(case, side)
     if not path.exists():
         return path
     try:
-        held = read_descriptors(path).labels
+        other = read_descriptors(path).case
     except DeepringError as error:
         raise DeepringError(f"{error}; it lies where descriptors are to be: delete it") from None
-    if held != labels:
+    if other != case:
         raise DeepringError(
-            f"{path}: holds the descriptors of {vars(held)}, expected those of {vars(labels)}; "
+            f"{path}: holds the descriptors of {other}, expected those of {case}; "
             "give the methods labels that differ in letters or digits, or delete the file"
         )
     return path

@@ -28,6 +28,7 @@ class ContextIndex:
 
     def add(self, descriptors: Tensor) -> None:
         """Add places."""
+        descriptors = descriptors.cpu()
         columns, filled = unit_columns(descriptors)
         self.places.add({"columns": columns, "filled": filled, "key": ring_keys(descriptors)})
 
@@ -35,7 +36,7 @@ class ContextIndex:
         """The ``k`` places of the largest mean cosine, with the turn from place to query."""
         if k < 1:
             raise DeepringError(f"k: {k}, expected at least 1")
-        best = Best(len(queries), k)
+        best, queries = Best(len(queries), k), queries.cpu()
         columns, filled = unit_columns(queries)
         if self.candidates is None or self.candidates >= len(self):
             size = max(16, _CURVES // max(1, queries.shape[1] * len(queries)))

@@ -22,8 +22,10 @@ def index_for(method: Method, settings: SearchSettings | None = None) -> Index:
     """An empty index whose scores and turns are those of ``method.compare``.
 
     ``settings`` are those of the correlation's search. A method that is none of ours is searched
-    by its own ``compare``.
+    by its own ``compare``, and so is a class derived from ours with another ``compare``.
     """
+    if not type(method).compare.__module__.startswith("deepring.methods."):
+        return CompareIndex(method)
     match method:
         case DeepRing() if method.settings.similarity == "correlation":
             period = math.pi if method.settings.theta_range == "half" else 2 * math.pi
