@@ -12,6 +12,7 @@ from deepring.evaluation.case import Case
 from deepring.evaluation.counting import Seconds, count, precision_recall
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.metrics import (
+    BEHIND,
     first_right,
     first_right_among,
     max_f1,
@@ -69,7 +70,7 @@ def test_ranks_are_those_of_the_whole_matrices_as_far_as_places_are_kept(made, k
     ranks = first_right_among(distance, nearest, RADII)
     for radius, found in zip(RADII, ranks, strict=True):
         whole = first_right(*map(torch.from_numpy, made), radius)[1]
-        assert torch.equal(found, whole.clamp(max=distance.shape[1] + 1))
+        assert torch.equal(found, torch.where(whole > k, BEHIND, whole))
 
 
 @settings(deadline=None)
@@ -99,6 +100,14 @@ def test_a_right_place_behind_the_best_ones_makes_a_query_answerable():
     distances[0, 5] = 3
     (result,) = count(best_of(-distances * 0, distances), [10.0], 7, Seconds(0, 0))
     assert (result.answerable, result.recall_1, result.recall_5) == (1, 0, 0)
+
+
+def test_places_that_were_not_kept_count_for_no_recall():
+    """A method that retrieves a single place has the same Recall@5 as Recall@1."""
+    distances = np.array([[90, 3], [2, 90]], np.float32)
+    matches = best_of(np.array([[1, 0], [1, 0]], np.float32), distances, 1)
+    (result,) = count(matches, [10.0], 2, Seconds(0, 0))
+    assert (result.answerable, result.recall_1, result.recall_5) == (2, 0.5, 0.5)
 
 
 def test_radii_that_are_none_and_numbers_of_other_shapes_are_refused():

@@ -18,6 +18,9 @@ from deepring.errors import ConfigError, DataError
 
 Over = Literal["answerable", "all"]  # the queries that Recall@K is a share of
 
+#: The rank of a first right place that lies behind the places that are kept.
+BEHIND = torch.iinfo(torch.int64).max
+
 
 def first_right(scores: Tensor, distances: Tensor, radius: float) -> tuple[Tensor, Tensor]:
     """Reduce each query to its top score and the rank of its first right place.
@@ -52,8 +55,8 @@ def first_right(scores: Tensor, distances: Tensor, radius: float) -> tuple[Tenso
 def first_right_among(distances: Tensor, nearest: Tensor, radii: Sequence[float]) -> Tensor:
     """Ranks (r, q) int64 of the first right place among each query's best k, for r radii at once.
 
-    Counted from 1; k + 1 where the right places lie behind the best k; 0 where the query is
-    unanswerable.
+    Counted from 1; `BEHIND` where all right places lie behind the best k, so that no Recall@K
+    counts them; 0 where the query is unanswerable.
 
     Args:
         distances: (q, k) metres from each query to its best places, best first.
@@ -74,7 +77,7 @@ def first_right_among(distances: Tensor, nearest: Tensor, radii: Sequence[float]
         )
     within = torch.tensor([check_radius(radius) for radius in radii], dtype=torch.float32)
     right = distances <= within[:, None, None]
-    behind = torch.where(nearest <= within[:, None], distances.shape[1] + 1, 0)
+    behind = torch.where(nearest <= within[:, None], BEHIND, 0)
     return torch.where(right.any(dim=2), right.int().argmax(dim=2) + 1, behind)
 
 
