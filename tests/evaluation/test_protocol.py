@@ -236,6 +236,9 @@ def test_without_an_export_one_batch_of_queries_is_held_at_a_time(monkeypatch):
 def test_rows_are_found_by_the_numbers_of_scans():
     scans = replace(side([1, 2, 3], [0, 1, 2])[0], indices=np.array([40, 7, 12]))
     assert rows_of(scans, np.array([[12, 40], [7, 7]])).tolist() == [[2, 0], [1, 1]]
+    for absent in (8, 41, -1):
+        with pytest.raises(DeepringError, match=rf"scans \[{absent}\] of session s: not among"):
+            rows_of(scans, np.array([40, absent]))
 
 
 def test_an_export_changes_no_figure_and_leaves_two_files(tmp_path):

@@ -112,7 +112,7 @@ def place_precision_recall(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Precision and recall at every distinct top score, the highest threshold first.
 
-    One decision a query: its top place is accepted when its score reaches the threshold. Accepted
+    One decision per query: its top place is accepted when its score reaches the threshold. Accepted
     and right is a true positive; accepted and wrong a false positive, answerable or not; rejected
     although a right place exists a false negative; rejected otherwise a true negative (protocol).
     Recall is 0 while nothing right is accepted, never falls, and ends at 1 unless every retrieval

@@ -82,7 +82,7 @@ def evaluate_method(
         if not len(side):
             raise DataError(
                 f"{case.test}, region {case.region}: the {what} holds 0 scans; expected at least "
-                f"one; mend data.regions.{case.region} or data.{what}"
+                "one; take a wider region or another session"
             )
     nearest = nearest_distances(query, database)
     check_answerable(case, nearest, radii)

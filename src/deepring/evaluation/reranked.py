@@ -59,20 +59,22 @@ def evaluate_reranked(
     """
     matches, query, database = outcome.matches, task.scans.query, task.scans.database
     poses = planar_poses(database)
+    images = rows_of(query, matches.query)
     places = torch.from_numpy(rows_of(database, matches.place[:, : settings.candidates]))
     turns = None if matches.turn is None else torch.from_numpy(matches.turn[:, : places.shape[1]])
     orders: dict[Rerank, list[Order]] = {mode: [] for mode in modes}
     started = time.perf_counter()
     for q, place in enumerate(places):
-        image, candidates = task.query[q : q + 1][0], task.database[place.numpy()]
+        image, candidates = task.query[images[q : q + 1]][0], task.database[place.numpy()]
         turn = None if turns is None else turns[q]
         aligned = align_candidates(image, place, turn, candidates, settings)
         for mode in modes:
-            orders[mode].append(
+            order = (
                 _by_pose(aligned, settings)
                 if mode == "pose"
                 else _located(aligned, poses, settings)
             )
+            orders[mode].append(order)
         if progress is not None:
             progress(q + 1, len(places))
     alone = outcome.results[0]
@@ -84,8 +86,10 @@ def evaluate_reranked(
     for mode in modes:
         place, score = map(torch.stack, zip(*orders[mode], strict=True))
         case = replace(outcome.case, method=NAMES[mode].format(outcome.case.method))
-        found = TopMatches.of_hits(case, query, database, Hits(place, score, None), matches.nearest)
-        outcomes.append(Outcome(found, count(found, radii, len(database), seconds)))
+        ordered = TopMatches.of_hits(
+            case, query, database, Hits(place, score, None), matches.nearest
+        )
+        outcomes.append(Outcome(ordered, count(ordered, radii, len(database), seconds)))
     return outcomes
 
 

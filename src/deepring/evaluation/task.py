@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from deepring.data.cache import RasterCache, Rasters, ScanSet, load_rasters
 from deepring.data.dataset import RetrievalSet
+from deepring.errors import DataError
 from deepring.evaluation.case import Case
 from deepring.rasters.kinds import Raster
 
@@ -37,6 +38,17 @@ def load_task(cache: RasterCache, scans: RetrievalSet, raster: Raster) -> Retrie
 
 
 def rows_of(scans: ScanSet, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Where in the set the scans lie that have these numbers in their session; of any shape."""
+    """Where in the set the scans lie that have these numbers in their session; of any shape.
+
+    Raises DataError for a number that no scan of the set has.
+    """
     order = np.argsort(scans.indices)
-    return order[np.searchsorted(scans.indices, numbers, sorter=order)]
+    place = np.searchsorted(scans.indices, numbers, sorter=order)
+    rows = order[np.minimum(place, len(order) - 1)]
+    absent = numbers[scans.indices[rows] != numbers]
+    if absent.size:
+        raise DataError(
+            f"scans {sorted(set(absent.tolist()))[:3]} of session {scans.session.name}: not among "
+            "those that are at hand; expected all that were retrieved; evaluate again"
+        )
+    return rows

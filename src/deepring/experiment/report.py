@@ -15,6 +15,7 @@ from deepring.evaluation.results import Result, read_results
 from deepring.evaluation.task import load_task, rows_of
 from deepring.experiment import build
 from deepring.experiment.config import Config, check_config
+from deepring.experiment.pictures import period_of
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.run_folder import read_config
 from deepring.methods.deepring import DeepRing
@@ -121,7 +122,6 @@ def _drawn(
     assert isinstance(raster, BevRaster)
     task = load_task(build.raster_cache(cfg), split, raster)
     queries, database = task.scans.query, task.scans.database
-    period = 180.0 if network.settings.theta_range == "half" else 360.0
     for number, best, score in zip(
         matches.query[worst], matches.place[worst, 0], matches.score[worst, 0], strict=True
     ):
@@ -137,7 +137,9 @@ def _drawn(
             f"Scan {number}: score {score:.3f}, retrieved scan {best}, {away[place]:.0f} m away; "
             f"the nearest place is {away[right]:.0f} m away"
         )
-        yield html.picture(failure_figure(_views(network, seen), raster.extent, period), caption)
+        yield html.picture(
+            failure_figure(_views(network, seen), raster.extent, period_of(network)), caption
+        )
 
 
 def _views(network: DeepRing, seen: list[tuple[str, torch.Tensor]]) -> list[ScanView]:

@@ -54,7 +54,7 @@ def precision_recall_figure(
 def recall_radius_figure(
     results: Sequence[Result], over: Over = "answerable", title: str = ""
 ) -> Figure:
-    """Recall@1 against the revisit radius, one line a method.
+    """Recall@1 against the revisit radius, one line per method.
 
     Args:
         results: of one test region, at any radii; a method trained on several datasets has a

@@ -100,8 +100,8 @@ def _side_by_side(results: Sequence[Result], over: Over) -> list[Table]:
 
     def at(radius: float) -> Callable[[Result], str]:
         def text(row: Result) -> str:
-            found = rows[row.case].get(radius)
-            return _rate(recall(found, 1, over)) if found else NONE
+            result = rows[row.case].get(radius)
+            return _rate(recall(result, 1, over)) if result else NONE
 
         return text
 

@@ -43,7 +43,8 @@ class Table:
         for number, row in enumerate(self.rows):
             if len(row) != len(self.headers):
                 raise DeepringError(
-                    f"rows[{number}]: {len(row)} cells; expected {len(self.headers)}, one a header"
+                    f"rows[{number}]: {len(row)} cells; expected one per header, "
+                    f"{len(self.headers)}"
                 )
 
 
