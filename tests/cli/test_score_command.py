@@ -24,8 +24,8 @@ def run(tmp_path_factory):
     rows = []
     for label, method in METHODS.items():
         task = road_task(method.raster)
-        evaluate_method(label, method, task, export=folder / "descriptors")
-        rows += evaluate_method(label, method, task, RADII).results
+        evaluate_method(task.case(label), method, task, export=folder / "descriptors")
+        rows += evaluate_method(task.case(label), method, task, RADII).results
     return folder, rows
 
 

@@ -80,12 +80,12 @@ def test_the_test_set_changes_nothing_of_the_training(crossing, tmp_path):
         torch.load(run.checkpoint, weights_only=True)["state_dict"] for run in (alone, beside)
     ]
     assert all(torch.equal(weights[0][key], weights[1][key]) for key in weights[0])
-    places = {(r.method, r.test, r.region) for r in beside.results}
+    places = {(r.case.method, r.case.test, r.case.region) for r in beside.results}
     assert ("DeepRING", "sim_nclt", "test") in places
     assert ("DeepRING", "sim_mulran", "whole") in places
     assert ("DeepRING", "sim_nclt", "whole") not in places  # it was trained there
     assert ("RING", "sim_nclt", "whole") in places
-    assert {r.train for r in beside.results if r.method == "DeepRING"} == {"sim_nclt"}
+    assert {r.case.train for r in beside.results if r.case.method == "DeepRING"} == {"sim_nclt"}
     names = {path.name for path in (tmp_path / "beside" / "retrievals").iterdir()}
     assert "DeepRING__sim_mulran__whole.csv" in names
     assert not (tmp_path / "beside" / "descriptors").exists()

@@ -80,7 +80,7 @@ def test_each_learned_method_trains_and_its_checkpoint_knows_it(
     )
     trained = train(cfg, tmp_path / "run")
     loaded = load_network(trained.checkpoint).method
-    assert {r.method for r in trained.results} == {loaded.settings.label}
+    assert {r.case.method for r in trained.results} == {loaded.settings.label}
     assert loaded.settings == build.network_settings(cfg)
     kept = OmegaConf.load(tmp_path / "run" / "config.yaml")
     assert kept.method._target_.endswith(type(loaded).__name__)

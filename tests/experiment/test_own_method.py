@@ -43,4 +43,4 @@ def test_the_docs_method_trains_from_its_file_and_its_config(tiny_nclt, tmp_path
     assert type(load_network(trained.checkpoint, own_class).method) is own_class
     with pytest.raises(ConfigError, match=r"'mine\.Mine' is not registered"):
         load_network(trained.checkpoint)
-    assert "Mine" in {r.method for r in trained.results}
+    assert "Mine" in {r.case.method for r in trained.results}

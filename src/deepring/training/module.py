@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from torchmetrics import Metric
 
 from deepring.errors import DeepringError
-from deepring.evaluation.metrics import PlaceAUC, RecallAtK
+from deepring.evaluation.batched_metrics import PlaceAUC, RecallAtK
 from deepring.methods.describe import describe_all
 from deepring.methods.network import NetworkMethod
 from deepring.methods.registry import method_name
