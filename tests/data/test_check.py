@@ -95,12 +95,12 @@ def test_a_drive_without_time_stamps(tmp_path):
 
 
 def test_wrong_folders_and_names_are_one_error(tmp_path):
-    with pytest.raises(DeepringError, match="no data set"):
+    with pytest.raises(DeepringError, match="no dataset"):
         check(tmp_path)
     write_drive(tmp_path, "DCC01", [0], [0], [5])
-    with pytest.raises(DeepringError, match=r"session = 'DCC09' is not in .*expected one of DCC01"):
+    with pytest.raises(DeepringError, match=r"session: 'DCC09', expected one of DCC01"):
         check(tmp_path, session="DCC09")
-    with pytest.raises(DeepringError, match="use data=mulran"):
+    with pytest.raises(DeepringError, match="use format mulran"):
         check(tmp_path, "nclt")
-    with pytest.raises(DeepringError, match="format = 'las'"):
+    with pytest.raises(DeepringError, match="format: 'las'"):
         check(tmp_path, "las")

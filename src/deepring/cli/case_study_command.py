@@ -13,15 +13,15 @@ from rich import box
 from rich.table import Table
 
 from deepring.cli.console import console
-from deepring.data.readers.drive_file import is_drive_file
-from deepring.data.readers.formats import (
-    FORMATS,
+from deepring.data.readers import (
+    binary_formats,
     detect_format,
     ground_of,
     list_sessions,
     open_session,
+    reader_names,
 )
-from deepring.data.readers.scan_files import BINARY
+from deepring.data.readers.custom.drive_file import is_drive_file
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError, DeepringError
 from deepring.paper.case_study import (
@@ -104,7 +104,7 @@ def _parser() -> argparse.ArgumentParser:
         help="a dataset's folder or drive.yaml, or scan files of different places (with --format)",
     )
     parser.add_argument("--session", help="of the dataset; the first by default")
-    parser.add_argument("--format", choices=list(FORMATS), help="told from a folder by default")
+    parser.add_argument("--format", choices=reader_names(), help="told from a folder by default")
     parser.add_argument("--pairs", type=int, default=64, help="of the error curves (default: 64)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument(
@@ -140,19 +140,19 @@ def _source(paths: Sequence[Path], format: str | None, session: str | None) -> S
     others = [str(path) for path in paths if not path.is_file()]
     if others:
         raise DeepringError(f"{others[0]}: is no file; expected one dataset, or scan files alone")
-    if format is None or format not in BINARY:
+    formats = binary_formats()
+    if format is None or format not in formats:
         raise DeepringError(
             f"{paths[0]}: a scan file does not tell its format; add --format, one of "
-            + ", ".join(BINARY)
+            + ", ".join(formats)
         )
     if session is not None:
         raise DeepringError(f"--session {session}: expected a dataset's folder with it, no files")
     if len({path.resolve() for path in paths}) < len(paths):
         raise DeepringError("FILE: the same scan twice; expected scans of different places")
     title = ", ".join(path.name for path in paths)
-    ground_z = FORMATS[format].ground_z
-    assert ground_z is not None
-    return Source(title, format, BINARY[format], ground_z, paths, None)
+    scans = formats[format]
+    return Source(title, format, scans.read, scans.ground_z, paths, None)
 
 
 def _dataset(root: Path, format: str | None, name: str | None) -> Source:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from deepring.data.check import check, report_lines
-from deepring.data.readers.formats import FORMATS
+from deepring.data.readers import reader_names
 from deepring.progress import progress_bar
 
 
@@ -16,7 +16,7 @@ def data_command(arguments: Sequence[str]) -> None:
     commands = parser.add_subparsers(dest="command", required=True)
     checker = commands.add_parser("check", help="read every scan of a dataset and report")
     checker.add_argument("root", type=Path)
-    checker.add_argument("--format", choices=list(FORMATS), help="told from the folder by default")
+    checker.add_argument("--format", choices=reader_names(), help="told from the folder by default")
     checker.add_argument("--session", help="one session only")
     args = parser.parse_args(arguments)
 

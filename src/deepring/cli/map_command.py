@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deepring.cli.console import console
 from deepring.data.cache import Progress
-from deepring.data.readers.formats import FORMATS, detect_format, ground_of, open_session
+from deepring.data.readers import detect_format, ground_of, open_session, reader_names
 from deepring.data.session import Points, Session
 from deepring.data.spacing import sample_by_distance
 from deepring.errors import DeepringError
@@ -136,7 +136,7 @@ def expect_new(path: Path) -> None:
 def add_drive(parser: argparse.ArgumentParser) -> None:
     """Options that say which drive."""
     parser.add_argument("root", type=Path, metavar="FOLDER", help="of the dataset, or drive.yaml")
-    parser.add_argument("--format", choices=list(FORMATS), help="told from the folder by default")
+    parser.add_argument("--format", choices=reader_names(), help="told from the folder by default")
     parser.add_argument("--session", help="where the folder holds several")
     parser.add_argument(
         "--ground-z",

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from deepring.data.readers.formats import detect_format, list_sessions, open_session
-from deepring.data.readers.trajectory import NANOSECONDS
+from deepring.checks import one_of
+from deepring.data.poses.pose_tables import NANOSECONDS
+from deepring.data.readers import detect_format, list_sessions, open_session
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DeepringError
 
@@ -66,10 +67,8 @@ def check(
     """
     format = format or detect_format(root)
     names = list_sessions(format, root)
-    if session is not None and session not in names:
-        raise DeepringError(
-            f"session = {session!r} is not in {root}; expected one of {', '.join(names)}"
-        )
+    if session is not None:
+        one_of("session", session, names)
     return [
         _check_session(format, root, name, progress)
         for name in (names if session is None else [session])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from deepring.data.cache import ScanSet
-from deepring.data.readers.formats import open_session
+from deepring.data.readers import open_session
 from deepring.data.regions import Shape, parse_region
 from deepring.data.session import Session
 from deepring.data.spacing import far_half_plane, revisits, sample_by_distance
