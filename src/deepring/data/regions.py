@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from matplotlib.path import Path as PolygonPath
 from numpy.typing import NDArray
 
 from deepring.errors import DeepringError
@@ -52,15 +51,29 @@ class HalfPlane:
 
 @dataclass(frozen=True)
 class Polygon:
-    """Positions inside a closed polygon of at least three ``vertices``."""
+    """Positions inside a closed polygon of at least three ``vertices``, the border included.
+
+    Where the border crosses itself, a position is inside when a ray from it crosses the border an
+    odd number of times.
+    """
 
     vertices: tuple[tuple[float, float], ...]
 
     def contains(self, positions: Positions) -> Mask:
-        """By matplotlib's path, around the first vertex so that UTM keeps its precision."""
-        origin = np.asarray(self.vertices[0])
-        path = PolygonPath(np.asarray(self.vertices) - origin)
-        return path.contains_points(positions - origin)
+        """Crossings of each position's ray along x, around a vertex: so UTM keeps its precision."""
+        start = np.asarray(self.vertices, dtype=np.float64)
+        start, points = start - start[0], positions[:, None] - start[0]
+        end = np.roll(start, -1, axis=0)
+        to_start, to_end, edge = start - points, end - points, end - start
+        with np.errstate(over="ignore", invalid="ignore"):  # positions may lie anywhere
+            side = to_end[..., 1] * edge[:, 0] - to_end[..., 0] * edge[:, 1]
+            between = (to_start * to_end).sum(axis=-1) <= 0
+        # Half-open in y, so that a ray through a vertex crosses one of its two edges.
+        straddles = (to_start[..., 1] > 0) != (to_end[..., 1] > 0)
+        crosses = straddles & ((side < 0) == (edge[:, 1] > 0))
+        border = (side == 0) & between
+        inside: Mask = (crosses.sum(axis=1) % 2 == 1) | border.any(axis=1)
+        return inside
 
 
 @dataclass(frozen=True)
