@@ -8,8 +8,8 @@ import torch
 from scipy.spatial import KDTree
 
 from deepring.data import dataset as dataset_module
-from deepring.data.cache import ScanSet
 from deepring.data.dataset import DatasetConfig, PlaceDataset, Regions, Spacing, distances_between
+from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.errors import DeepringError
 

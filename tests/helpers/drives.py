@@ -3,7 +3,8 @@
 import numpy as np
 
 from deepring.core.rigid import turn_points
-from deepring.data.cache import Rasters, ScanSet, pack
+from deepring.data.packed_rasters import Rasters, pack
+from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.evaluation.protocol import Side, Task
 from helpers.scenes import scattered
@@ -35,5 +36,5 @@ def _side(name, clouds, east, north, raster, yaws=None):
     points = [turn_points(np.asarray(cloud, dtype=np.float32), 0.0) for cloud in clouds]
     session = Session(name, tuple(range(n)), poses, poses[:, :2, 3], None, points.__getitem__)
     scans = ScanSet(session, np.arange(n), 0.25, yaws)
-    images = [pack(scans.draw(k, raster), raster) for k in range(n)]
+    images = [pack(scans.rasterize(k, raster), raster) for k in range(n)]
     return Side(scans, Rasters(np.stack(images), raster))

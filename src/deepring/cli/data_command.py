@@ -25,7 +25,7 @@ def data_command(arguments: Sequence[str]) -> None:
             args.root,
             args.format,
             args.session,
-            lambda _, done, total: advance(done, total),
+            advance,
         )
     print("\n".join(report_lines(reports)))
     if not all(report.usable and not report.broken for report in reports):

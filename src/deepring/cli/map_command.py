@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.cli.console import console
-from deepring.data.cache import Progress
 from deepring.data.readers import detect_format, ground_of, open_session, reader_names
 from deepring.data.session import Points, Session
 from deepring.data.spacing import sample_by_distance
@@ -19,7 +18,7 @@ from deepring.localization.map import Map
 from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import SHIPPED
-from deepring.progress import progress_bar
+from deepring.progress import Progress, progress_bar
 from deepring.search.correlation_index import SearchSettings
 from deepring.search.spectra import Precision
 

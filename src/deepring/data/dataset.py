@@ -10,9 +10,9 @@ import torch
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from deepring.data.cache import ScanSet
 from deepring.data.readers import open_session
 from deepring.data.regions import Shape, parse_region
+from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.data.spacing import far_half_plane, revisits, sample_by_distance
 from deepring.errors import DeepringError

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import get_args
 
-from deepring.data.cache import ScanSet
+from deepring.data.scan_set import ScanSet
 from deepring.evaluation.described import Described
 from deepring.evaluation.descriptors import (
     Descriptors,

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torchmetrics import Metric
 
-from deepring.data.cache import Progress, Rasters, ScanSet
+from deepring.data.packed_rasters import Rasters
+from deepring.data.scan_set import ScanSet
 from deepring.errors import DeepringError
 from deepring.evaluation.described import (
     AsAsked,
@@ -28,6 +29,7 @@ from deepring.evaluation.metrics import MaxF1, PlaceAUC, PlacePrecisionRecall, R
 from deepring.evaluation.results import Result
 from deepring.methods.base import Method
 from deepring.methods.describe import describe_all
+from deepring.progress import Progress
 
 log = logging.getLogger(__name__)
 

@@ -9,7 +9,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from deepring.data.cache import Progress
 from deepring.evaluation.described import Described
 from deepring.evaluation.descriptors import Labels
 from deepring.evaluation.protocol import Outcome, Side, Task, score_sides
@@ -24,6 +23,7 @@ from deepring.localization.candidates import (
 from deepring.methods.base import Comparison, Method
 from deepring.methods.describe import describe_all
 from deepring.methods.index_for import index_for
+from deepring.progress import Progress
 from deepring.search.hits import Hits
 
 #: What a re-ranked method is called in results, so that nobody takes one row for another.

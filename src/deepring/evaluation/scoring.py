@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import torch
 
-from deepring.data.cache import Progress
 from deepring.errors import DeepringError
 from deepring.evaluation.described import Described
 from deepring.evaluation.descriptors import ENDING, Descriptors, read_descriptors
@@ -18,6 +17,7 @@ from deepring.methods.base import Method
 from deepring.methods.network import network_class
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
+from deepring.progress import Progress
 from deepring.rasters.kinds import make_raster
 
 #: The methods without weights that a file may name.

@@ -11,8 +11,8 @@ from torch import Tensor
 from deepring.core.correlation import correlation_curves
 from deepring.core.radon import radon
 from deepring.core.rigid import turn_points
-from deepring.data.cache import ScanSet
 from deepring.data.dataset import RetrievalSet
+from deepring.data.scan_set import ScanSet
 from deepring.evaluation.metrics import Over
 from deepring.evaluation.protocol import Outcome, Task
 from deepring.methods.base import Method

@@ -8,8 +8,9 @@ import torch
 from omegaconf import OmegaConf
 
 from deepring.core.correlation import correlation_curves
-from deepring.data.cache import Rasters, ScanSet
 from deepring.data.dataset import RetrievalSet
+from deepring.data.packed_rasters import Rasters
+from deepring.data.scan_set import ScanSet
 from deepring.errors import DeepringError
 from deepring.evaluation.results import Result, read_results
 from deepring.evaluation.retrievals import Retrievals, retrievals_in

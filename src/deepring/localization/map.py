@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring.core.rigid import yaw_after_turn, yaw_of
-from deepring.data.cache import Progress, Rasters, pack
+from deepring.data.packed_rasters import Rasters, pack
 from deepring.data.session import Session
 from deepring.data.spacing import sample_by_distance
 from deepring.errors import DeepringError
@@ -26,6 +26,7 @@ from deepring.localization.map_file import read_map, verify, write_map
 from deepring.methods.deepring import DeepRing
 from deepring.methods.index_for import index_for
 from deepring.methods.portable import describe_network, make_network, weights_of
+from deepring.progress import Progress
 from deepring.rasters.kinds import BevRaster
 from deepring.search.block_store import axis_of
 from deepring.search.code import CodeSettings

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch.utils.data import Dataset, Sampler
 
-from deepring.data.cache import Rasters
+from deepring.data.packed_rasters import Rasters
 from deepring.errors import DeepringError
 from deepring.training.training_scans import TrainingScans, check_apart, set_apart, within
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from deepring.data.cache import Rasters, ScanSet
+from deepring.data.packed_rasters import Rasters
+from deepring.data.scan_set import ScanSet
 from deepring.errors import DeepringError
 
 Neighbours = list[NDArray[np.int64]]
