@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError
 
 Positions = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -99,12 +99,12 @@ def parse_region(spec: Any, name: str) -> Region:
     A list of ``{disc: {center: [x, y], radius: r}}``, ``{half_plane: {point: [x, y], normal:
     [x, y]}}`` and ``{polygon: [[x, y], ...]}``, each alone or as ``{outside: SHAPE}``: the union
     of the plain shapes (everywhere, where there is none) without the outside ones. ``name`` is
-    the config key, for the error.
+    the config key, for the ConfigError of any other value.
     """
     if spec is None:
         return Region()
     if not isinstance(spec, Sequence) or isinstance(spec, str) or not spec:
-        raise DeepringError(f"{name}: {spec!r}, expected null or a list of shapes")
+        raise ConfigError(f"{name}: {spec!r}, expected null or a list of shapes")
     inside, outside = [], []
     for k, item in enumerate(spec):
         where = f"{name}[{k}]"
@@ -135,7 +135,7 @@ def _parse_shape(spec: Any, name: str) -> Shape:
                     return polygon
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
         pass
-    raise DeepringError(
+    raise ConfigError(
         f"{name}: {spec!r} is no shape; expected {{disc: {{center: [x, y], radius: r > 0}}}}, "
         "{half_plane: {point: [x, y], normal: [x, y]}}, {polygon: [[x, y], [x, y], [x, y]]}, or "
         "{outside: SHAPE}"
