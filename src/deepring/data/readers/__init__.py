@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from deepring.checks import one_of
-from deepring.data.readers.base import BinaryScans, LayoutError, Reader, existing_root
+from deepring.data.readers.reader import BinaryScans, LayoutError, Reader, existing_root
 from deepring.data.session import Session
 from deepring.errors import ConfigError, DataError
 
@@ -142,7 +142,7 @@ def ground_of(session: Session, format: str) -> float:
 
 @cache
 def _own_modules() -> tuple[str, ...]:
-    return tuple(m.name for m in pkgutil.iter_modules(__path__) if m.name != "base")
+    return tuple(m.name for m in pkgutil.iter_modules(__path__) if m.name != "reader")
 
 
 @cache

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.data.poses.pose_tables import NANOSECONDS, poses_from_rows, read_table, rigid_rows
-from deepring.data.readers.base import (
+from deepring.data.readers.reader import (
     BinaryScans,
     LayoutError,
     Reader,

@@ -11,7 +11,7 @@ from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.poses.matching import match_scans
 from deepring.data.poses.pose_tables import poses_from_rows, read_table, stamped_rows
 from deepring.data.poses.trajectory import Trajectory, checked_tolerance
-from deepring.data.readers.base import (
+from deepring.data.readers.reader import (
     BinaryScans,
     LayoutError,
     Reader,

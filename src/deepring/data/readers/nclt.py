@@ -12,7 +12,7 @@ from deepring.core.rigid import NED_TO_UP, pose_from, rotation_from_rpy
 from deepring.data.poses.matching import match_scans
 from deepring.data.poses.pose_tables import read_table, stamped_rows
 from deepring.data.poses.trajectory import Trajectory, checked_tolerance
-from deepring.data.readers.base import (
+from deepring.data.readers.reader import (
     BinaryScans,
     LayoutError,
     Reader,

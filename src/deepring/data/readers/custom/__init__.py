@@ -17,7 +17,6 @@ from deepring.data.poses.pose_tables import (
     rigid_rows,
 )
 from deepring.data.readers import binary_formats
-from deepring.data.readers.base import LayoutError, Reader
 from deepring.data.readers.custom.custom_scans import UP, CustomScans
 from deepring.data.readers.custom.drive_file import (
     ENDINGS,
@@ -26,6 +25,7 @@ from deepring.data.readers.custom.drive_file import (
     is_drive_file,
     read_drives,
 )
+from deepring.data.readers.reader import LayoutError, Reader
 from deepring.data.scans.records import file_problem
 from deepring.data.scans.scan_files import scan_files
 from deepring.data.session import Session, SkippedScans
