@@ -62,12 +62,12 @@ def test_a_missing_value_names_its_key(composed):
 
 
 def test_a_downloads_folder_is_said_once_for_all_runs(composed):
-    cfg = composed("train=nclt", "test=[mulran,kitti]", *(f"paths.{n}=/{n}" for n in ROOTS))
+    cfg = composed("train=nclt", "test=[mulran,kitti]", *(f"paths.roots.{n}=/{n}" for n in ROOTS))
     roots = [node.root for node in (*cfg.train_data.values(), *cfg.test_data.values())]
     assert roots == [f"/{name}" for name in ROOTS]
-    assert composed("data=nclt", "data.root=/own", "paths.nclt=/nclt").data.root == "/own"
+    assert composed("data=nclt", "data.root=/own", "paths.roots.nclt=/nclt").data.root == "/own"
     with pytest.raises(DeepringError, match=r"train_data\.mulran\.root=VALUE"):
-        composed("train=mulran", "paths.nclt=/nclt")
+        composed("train=mulran", "paths.roots.nclt=/nclt")
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from deepring.data.cache import Rasters, pack
+from deepring.data.packed_rasters import Rasters, pack
 from deepring.errors import ConfigError, DeepringError
 from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing, DeepRingSettings

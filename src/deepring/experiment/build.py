@@ -77,16 +77,17 @@ def datasets(cfg: Config) -> Datasets:
     opened: dict[str, PlaceDataset] = {}
 
     def chosen(name: str, configs: dict[str, DatasetConfig]) -> list[PlaceDataset]:
-        picked = list(configs.values()) or [cfg.data]
-        names = [config.name for config in picked]
+        picked = {f"{name}.{key}": config for key, config in configs.items()} or {"data": cfg.data}
+        names = [config.name for config in picked.values()]
         if len(set(names)) < len(names):
             raise DeepringError(
                 f"{name}: {', '.join(names)} do not differ in name; set {name}.KEY.name"
             )
-        keys = [json.dumps(plain(config), sort_keys=True, default=str) for config in picked]
         return [
-            opened.setdefault(key, PlaceDataset(config))
-            for key, config in zip(keys, picked, strict=True)
+            opened.setdefault(
+                json.dumps(plain(config), sort_keys=True, default=str), PlaceDataset(config, key)
+            )
+            for key, config in picked.items()
         ]
 
     return Datasets(chosen("train_data", cfg.train_data), chosen("test_data", cfg.test_data))

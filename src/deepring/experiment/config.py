@@ -10,6 +10,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from deepring.checks import one_of
 from deepring.data.dataset import DatasetConfig
+from deepring.data.readers import reader_names
 from deepring.errors import DeepringError
 from deepring.evaluation.metrics import Over
 from deepring.localization.candidates import Rerank
@@ -88,11 +89,8 @@ class PathsConfig:
     outputs: str = "outputs"
     datasets: str = "outputs/datasets"
     cache: str = "outputs/cache"
-    #: Where downloads lie, for all runs of a sweep; data.root of one dataset where not given.
-    nclt: str = "???"
-    mulran: str = "???"
-    kitti: str = "???"
-    own: str = "???"
+    #: Where downloads lie, by reader, for all runs of a sweep; data.root of one otherwise.
+    roots: dict[str, str] = field(default_factory=lambda: dict.fromkeys(reader_names(), "???"))
     #: This run's own folder, which Hydra makes.
     run: str = "???"
 
@@ -182,7 +180,7 @@ def check_config(composed: DictConfig) -> Config:
         # Once more over the schema, since +KEY=VALUE adds what it does not know.
         checked = OmegaConf.merge(OmegaConf.structured(Config), plain)
         # A download's folder is missed where a dataset lies in it, not otherwise.
-        missing = {k for k in OmegaConf.missing_keys(checked) if k.rpartition(".")[0] != "paths"}
+        missing = {k for k in OmegaConf.missing_keys(checked) if not k.startswith("paths.")}
     except OmegaConfBaseException as error:
         key = getattr(error, "full_key", None)
         first = str(error).splitlines()[0]

@@ -12,8 +12,8 @@ from torch import Tensor
 from deepring.core.correlation import correlation_curves
 from deepring.core.radon import radon
 from deepring.core.rigid import turn_points
-from deepring.data.cache import ScanSet
 from deepring.data.dataset import RetrievalSet
+from deepring.data.scan_set import ScanSet
 from deepring.evaluation.counting import precision_recall
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.metrics import Over

@@ -6,8 +6,8 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from deepring.data.cache import Progress
 from deepring.methods.base import Method
+from deepring.progress import Progress
 
 
 class Images(Protocol):

@@ -1,12 +1,12 @@
-"""Scans of one's own sensor: its axes turned z up, and what it should not see left out."""
+"""Scans of a custom drive: the sensor's axes turned z up, and what it should not see cropped."""
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.data.readers.scan_files import read_scan
+from deepring.data.scans.scan_files import read_scan
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError
 
@@ -31,11 +31,11 @@ UP: dict[str, NDArray[np.float64]] = {
 class CustomScans:
     """Reads scan files, turns them z up and crops them.
 
-    Plain values, all of which make what is read: the raster cache knows a reader by them.
-    ``format`` says what .bin files hold; ``up`` names the sensor's axis that points up;
-    ``sensor_height`` is in metres above the ground. Of points z up, those outside ``z_band``
-    (metres above the ground), ``azimuth`` (degrees counter-clockwise from x, at most 360 wide) and
-    ``range`` (metres from the sensor) are dropped; None drops none.
+    Plain values, all of which make what is read: see ``decoding``. ``format`` says what .bin
+    files hold; ``up`` names the sensor's axis that points up; ``sensor_height`` is in metres above
+    the ground. Of points z up, those outside ``z_band`` (metres above the ground), ``azimuth``
+    (degrees counter-clockwise from x, at most 360 wide) and ``range`` (metres from the sensor) are
+    dropped; None drops none.
     """
 
     format: str | None
@@ -44,6 +44,11 @@ class CustomScans:
     z_band: Band | None = None
     azimuth: Band | None = None
     range: Band | None = None
+
+    @property
+    def decoding(self) -> str:
+        """Names what is made of a file, for `Session.decoding`."""
+        return f"custom {astuple(self)}"
 
     def __call__(self, path: Path) -> Points:
         """Points (m, 3) float32, metres, z up.
@@ -54,13 +59,13 @@ class CustomScans:
         points = read_scan(path, self.format)
         valid = points[np.isfinite(points).all(axis=1) & points.any(axis=1)]
         turned = valid @ UP[self.up].T.astype(np.float32)
-        kept = turned[self._inside(turned)]
-        if not len(kept):
+        inside = turned[self._inside(turned)]
+        if not len(inside):
             raise BrokenScanError(
                 f"{path}: {len(points)} points, {len(valid)} of them returns, and none of these "
                 "within z_band, azimuth and range; check the file and these keys"
             )
-        return np.ascontiguousarray(kept)
+        return np.ascontiguousarray(inside)
 
     def _inside(self, points: Points) -> NDArray[np.bool_]:
         x, y, z = points.T.astype(np.float64)

@@ -3,7 +3,7 @@ import struct
 import numpy as np
 import pytest
 
-from deepring.data.readers.formats import FORMATS, detect_format, list_sessions, open_session
+from deepring.data.readers import detect_format, list_sessions, open_session, reader_names
 from deepring.errors import DeepringError
 
 POSE = "1 0 0 {x} 0 1 0 0 0 0 1 0"
@@ -32,12 +32,12 @@ def make_kitti(root, name="00"):
     (drive / "calib.txt").write_text("Tr: " + POSE.format(x=0) + "\n")
 
 
-#: The formats that a folder has; "own" is told by a file, and has tests of its own.
+#: The formats that a folder has; "custom" is told by a file, and has tests of its own.
 MAKERS = {"nclt": make_nclt, "mulran": make_mulran, "kitti": make_kitti}
 
 
 def test_every_format_but_ones_own_is_a_folder():
-    assert set(FORMATS) == {*MAKERS, "own"}
+    assert set(reader_names()) == {*MAKERS, "custom"}
 
 
 @pytest.mark.parametrize("format", MAKERS)
@@ -49,6 +49,7 @@ def test_a_data_set_is_recognised_listed_and_opened(tmp_path, format):
         session = open_session(format, tmp_path, chosen)
         assert len(session) == 1
         assert session.name == name
+        assert session.decoding == format  # what rasters in people's caches are kept under
         assert session.points(0).shape == (1, 3)
         assert session.points(0).dtype == np.float32
 
@@ -59,9 +60,9 @@ def test_a_wrong_format_is_told_the_right_one(tmp_path, format, other):
     if format == other:
         return
     MAKERS[other](tmp_path)
-    with pytest.raises(DeepringError, match=f"use data={other}"):
+    with pytest.raises(DeepringError, match=f"use format {other}"):
         list_sessions(format, tmp_path)
-    with pytest.raises(DeepringError, match=f"use data={other}"):
+    with pytest.raises(DeepringError, match=f"use format {other}"):
         open_session(format, tmp_path, "any")
 
 
@@ -83,13 +84,13 @@ def test_one_of_several_sessions_must_be_named(tmp_path):
 
 
 def test_folders_that_are_nothing_or_too_much(tmp_path):
-    with pytest.raises(DeepringError, match=r"no data set[\s\S]*NCLT: [\s\S]*MulRan: [\s\S]*KITTI"):
+    with pytest.raises(DeepringError, match=r"no dataset[\s\S]*KITTI: [\s\S]*MulRan: [\s\S]*NCLT"):
         detect_format(tmp_path)
     with pytest.raises(DeepringError, match="no scans of any session"):
         list_sessions("nclt", tmp_path)
     make_nclt(tmp_path / "nclt")
     make_kitti(tmp_path / "kitti")
-    with pytest.raises(DeepringError, match=r"several formats \(nclt, kitti\)"):
+    with pytest.raises(DeepringError, match=r"several formats \(kitti, nclt\)"):
         detect_format(tmp_path)
     with pytest.raises(DeepringError, match="does not exist"):
         detect_format(tmp_path / "none")
@@ -100,6 +101,6 @@ def test_folders_that_are_nothing_or_too_much(tmp_path):
 
 def test_an_unknown_format_is_refused(tmp_path):
     with pytest.raises(
-        DeepringError, match="format = 'oxford'; expected one of nclt, mulran, kitti"
+        DeepringError, match="format: 'oxford', expected one of custom, kitti, mulran, nclt"
     ):
         open_session("oxford", tmp_path)

@@ -62,7 +62,8 @@ def _layout(message: Any) -> np.dtype[np.void]:
             }
         )
     except ValueError as error:
+        offsets = ", ".join(str(fields[name].offset) for name in "xyz")
         raise BrokenScanError(
-            f"PointCloud2: {error}; expected x, y and z within the {message.point_step} bytes of "
-            "a point"
+            f"PointCloud2: x, y and z at bytes {offsets}; expected them within the "
+            f"{message.point_step} bytes of a point"
         ) from error

@@ -5,9 +5,10 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from deepring.data.readers.point_cloud2 import cloud_points
+from deepring.checks import count
+from deepring.data.scans.point_cloud2 import cloud_points
 from deepring.data.session import Points
-from deepring.errors import BrokenScanError, DeepringError
+from deepring.errors import BrokenScanError, ConfigError, DataError, DeepringError, FileError
 
 #: Endings of files that are bags.
 BAGS = (".bag", ".db3", ".mcap")
@@ -42,20 +43,20 @@ def bag_scans(path: Path | str, topic: str | None = None, every: int = 1) -> Ite
 
     Raises:
         BrokenScanError: a bag or a message that cannot be decoded; see `cloud_points`.
-        DeepringError: a missing file or library, a bag without point clouds, a topic that is not
-            there, several where none is named.
+        FileError: a missing file or library.
+        DataError: a bag without point clouds.
+        ConfigError: a topic that is not there, several where none is named.
     """
     path = Path(path)
-    if every < 1:
-        raise DeepringError(f"every: {every}, expected a whole number of at least 1")
+    count("every", every)
     if not path.exists():
-        raise DeepringError(f"bag {path}: no such file or folder; expected a bag of ROS 1 or 2")
+        raise FileError(f"bag {path}: no such file or folder; expected a bag of ROS 1 or 2")
     try:
         from rosbags.rosbag1 import Reader as Reader1
         from rosbags.rosbag2 import Reader as Reader2
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
-        raise DeepringError(f"bag {path}: {error}; pip install 'deepring[bags]'") from error
+        raise FileError(f"bag {path}: bags need rosbags; pip install 'deepring[bags]'") from error
     # The type has never changed. The bag's own definitions are not needed: old bags lack them,
     # and one that cannot be parsed, of a topic that nobody asked for, would stand in the way.
     reader: Any
@@ -72,11 +73,10 @@ def bag_scans(path: Path | str, topic: str | None = None, every: int = 1) -> Ite
     except DeepringError:
         raise
     except Exception as error:  # whatever the library raises for a damaged bag
-        reason = " ".join(str(error).split()) or type(error).__name__
         tool = "rosbag" if path.suffix == ".bag" else "ros2 bag"
         raise BrokenScanError(
-            f"bag {path}: {reason}; expected a whole bag, this one is damaged or cut short: copy "
-            f"it again, or try `{tool} reindex`"
+            f"bag {path}: cannot be decoded; expected a whole bag, this one is damaged or cut "
+            f"short: copy it again, or try `{tool} reindex`"
         ) from error
 
 
@@ -85,18 +85,20 @@ def _of_topic(path: Path, connections: list[Any], topic: str | None) -> list[Any
     clouds = sorted({c.topic for c in connections if c.msgtype == _CLOUD})
     if not clouds:
         there = sorted({f"{c.topic} ({c.msgtype})" for c in connections})
-        raise DeepringError(
+        raise DataError(
             f"bag {path}: no point clouds among its topics, {', '.join(there) or 'none'}; expected "
             f"one of type {_CLOUD}"
         )
     if topic is None and len(clouds) > 1:
-        raise DeepringError(
-            f"bag {path}: point clouds on {', '.join(clouds)}; expected one topic: name it "
-            "(--topic)"
+        raise ConfigError(
+            f"bag {path}: point clouds on {', '.join(clouds)}; expected the topic of one of them: "
+            "name it",
+            argument="topic",
         )
     if topic is not None and topic not in clouds:
-        raise DeepringError(
-            f"bag {path}: no point clouds on {topic}; expected {' or '.join(clouds)} (--topic)"
+        raise ConfigError(
+            f"bag {path}: no point clouds on topic {topic}; expected {' or '.join(clouds)}",
+            argument="topic",
         )
     return [c for c in connections if c.topic == (topic or clouds[0]) and c.msgtype == _CLOUD]
 
