@@ -247,7 +247,7 @@ def test_an_export_holds_what_was_described_and_what_made_it(tmp_path):
         assert (found.method, found.train, found.test, found.region) == (
             *("toy", "city", "sim", "test"),
         )
-        assert found.made_by["class"] == "test_protocol.Toy"
+        assert found.made_by["method"] == "test_protocol.Toy"
         assert found.made_by["raster"]["cells"] == 8
         assert found.made_by["values"] == {"described": [], "turn": True}
         assert found.seconds_per_scan == outcome.results[0].seconds_per_scan
