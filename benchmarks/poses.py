@@ -29,7 +29,7 @@ from deepring.localization.alignment import (
     occupied_cells,
 )
 from deepring.localization.refinement import refine
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 
 BINS = ((0, 10), (10, 20), (20, 35))
 

@@ -15,7 +15,7 @@ from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.methods.registry import registered_methods
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
-from deepring.rasters.kinds import PolarRaster, raster_settings
+from deepring.rasters import PolarRaster, raster_settings
 from deepring.search.compare_index import CompareIndex
 from deepring.search.hits import Hits
 from deepring.testing import MethodError, check_method, draw, walls

@@ -11,14 +11,12 @@ from deepring.core import correlation
 from deepring.core.correlation import (
     circular_cross_correlation,
     correlation_curves,
-    expect_form,
     magnitude_correlation_curves,
     shift_to_turn,
     standardise,
     unit_norm,
 )
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
-from deepring.errors import DeepringError
 
 
 def maps(n, rows, cols, seed):
@@ -170,8 +168,3 @@ def test_the_published_form_is_the_same_in_any_blocks(block, monkeypatch):
     assert torch.allclose(magnitude_correlation_curves(queries, database), whole, atol=1e-5)
     assert sum(shapes) == 12
     assert max(shapes) <= max(1, block // 60)
-
-
-def test_other_forms_are_named():
-    with pytest.raises(DeepringError, match=r"ring\.correlation: 'both', expected 'paper'"):
-        expect_form("ring.correlation", "both")

@@ -21,8 +21,14 @@ from deepring.data import cache as cache_module
 from deepring.data.cache import RasterCache, Rasters, ScanSet, pack, unpack
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DeepringError
-from deepring.rasters.kinds import RASTERS, BevRaster, ContextRaster, PolarRaster, RangeRaster
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters import (
+    RASTERS,
+    BevRaster,
+    ContextRaster,
+    PolarRaster,
+    Preprocessing,
+    RangeRaster,
+)
 
 SMALL = BevRaster(cells=24)
 reads: list[Path] = []

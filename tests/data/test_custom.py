@@ -12,7 +12,7 @@ from deepring.data.readers.custom_scans import UP
 from deepring.data.readers.formats import detect_format, ground_of, list_sessions, open_session
 from deepring.data.readers.kitti import open_kitti
 from deepring.errors import DeepringError
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 
 # LiDAR to camera with a lever arm and, as real calibrations have it, a slight tilt.
 TILT = rotation_from_rpy(0.01, -0.02, 0.015)

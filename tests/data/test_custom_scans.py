@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from deepring.data.readers.custom_scans import UP, CustomScans
 from deepring.errors import BrokenScanError
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 
 PLAIN = CustomScans(format=None, up="z", sensor_height=1.5)
 

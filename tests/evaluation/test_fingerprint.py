@@ -14,8 +14,7 @@ from deepring.evaluation.fingerprint import digest_of, fingerprint, first_differ
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
-from deepring.rasters.kinds import BevRaster, ContextRaster, PolarRaster, raster_settings
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters import BevRaster, ContextRaster, PolarRaster, Preprocessing, raster_settings
 
 
 def network(seed=0, **changes):

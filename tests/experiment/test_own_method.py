@@ -32,7 +32,7 @@ def test_the_docs_method_trains_from_its_file_and_its_config(tiny_nclt, tmp_path
         composed = compose(
             "train",
             [
-                *("method=mine", "drawing.size=4", "drawing.limit=4", "drawing.per_epoch=2"),
+                *("method=mine", "sampling.size=4", "sampling.limit=4", "sampling.per_epoch=2"),
                 *(f"data.root={tiny_nclt}", *SMALL[3:], f"paths.outputs={tmp_path}"),
                 *(f"paths.run={tmp_path / 'run'}", "evaluation.figures=false"),
                 *("trainer.max_epochs=1", "trainer.log_every_n_steps=1", "callbacks.progress=null"),
@@ -43,4 +43,4 @@ def test_the_docs_method_trains_from_its_file_and_its_config(tiny_nclt, tmp_path
     assert type(load_network(trained.checkpoint, own_class).method) is own_class
     with pytest.raises(ConfigError, match=r"'mine\.Mine' is not registered"):
         load_network(trained.checkpoint)
-    assert "Mine" in {r.method for r in trained.results}
+    assert "Mine" in {r.case.method for r in trained.results}

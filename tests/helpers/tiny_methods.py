@@ -9,9 +9,15 @@ from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
 from deepring.methods.scan_context import ScanContext
-from deepring.rasters.feature_raster import FeatureBevRaster
-from deepring.rasters.kinds import BevRaster, ContextRaster, HeightRaster, raster_settings
-from deepring.rasters.point_rasters import PointsRaster, VoxelRaster
+from deepring.rasters import (
+    BevRaster,
+    ContextRaster,
+    FeatureBevRaster,
+    HeightRaster,
+    PointsRaster,
+    VoxelRaster,
+    raster_settings,
+)
 from deepring.testing import walls
 
 BEV = BevRaster(cells=24)

@@ -15,8 +15,7 @@ from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.disco import Disco, DiscoSettings
-from deepring.rasters.kinds import HeightRaster, PolarRaster, raster_settings
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters import HeightRaster, PolarRaster, Preprocessing, raster_settings
 from helpers.scenes import scattered
 
 RASTER = HeightRaster(

@@ -7,9 +7,7 @@ import torch
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
-from deepring.rasters.kinds import raster_settings
-from deepring.rasters.point_rasters import PointsRaster, VoxelRaster
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters import PointsRaster, Preprocessing, VoxelRaster, raster_settings
 from deepring.rasters.voxels import PADDING
 from helpers.scenes import scattered
 

@@ -9,7 +9,7 @@ from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
 from deepring.methods.scan_context import ContextIndex, ScanContext
-from deepring.rasters.kinds import BevRaster, ContextRaster, HeightRaster, raster_settings
+from deepring.rasters import BevRaster, ContextRaster, HeightRaster, raster_settings
 from deepring.search.compare_index import CompareIndex
 from deepring.search.correlation_index import CorrelationIndex
 from deepring.search.vector_index import VectorIndex

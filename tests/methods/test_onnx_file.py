@@ -14,7 +14,7 @@ from deepring.methods.deepring.real_form import RealDeepRing
 from deepring.methods.onnx_file import export_onnx
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.portable import make_network
-from deepring.rasters.kinds import BevRaster, PointsRaster, PolarRaster, raster_settings
+from deepring.rasters import BevRaster, PointsRaster, PolarRaster, raster_settings
 
 
 def network(cells=40, **settings):

@@ -10,8 +10,7 @@ from deepring.core.equivariance import relative_error
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
-from deepring.rasters.kinds import BevRaster, make_raster, raster_settings
-from deepring.rasters.point_rasters import PointsRaster
+from deepring.rasters import BevRaster, PointsRaster, make_raster, raster_settings
 from helpers.scenes import scattered
 
 

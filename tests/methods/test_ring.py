@@ -11,8 +11,8 @@ from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.ring import Ring
+from deepring.rasters import BevRaster
 from deepring.rasters.bev import bev_occupancy
-from deepring.rasters.kinds import BevRaster
 from helpers.scenes import scattered
 
 STEP = 2 * math.pi / 120

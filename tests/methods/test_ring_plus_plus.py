@@ -13,9 +13,7 @@ from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.ring_plus_plus import RingPlusPlus
-from deepring.rasters.feature_raster import FeatureBevRaster
-from deepring.rasters.kinds import BevRaster
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters import BevRaster, FeatureBevRaster, Preprocessing
 from helpers.scenes import scattered
 
 STEP = 2 * math.pi / 120

@@ -4,6 +4,7 @@ Source: Xu et al. (RA-L 2021, Sec. III); MaverickPeter/DiSCO-pytorch.
 """
 
 import torch
+from jaxtyping import Float, Float32
 from torch import Tensor
 
 from deepring.core import fourier
@@ -13,7 +14,9 @@ from deepring.core.correlation import Match
 EPSILON = 1e-15
 
 
-def central_magnitude(feature: Tensor, size: int = 32) -> Tensor:
+def central_magnitude(
+    feature: Float[Tensor, "*batch theta r"], size: int = 32
+) -> Float32[Tensor, "*batch {size*size}"]:
     """|2-D DFT| around frequency zero, (..., θ, r) real -> (..., size * size) float32.
 
     Orthonormal, shifted so that frequency zero lies in the middle, and cut to the ``size`` lowest
@@ -27,7 +30,9 @@ def central_magnitude(feature: Tensor, size: int = 32) -> Tensor:
     return centred[..., first : first + size, left : left + size].flatten(-2)
 
 
-def phase_curves(queries: Tensor, entries: Tensor) -> Tensor:
+def phase_curves(
+    queries: Float[Tensor, "*#batch theta r"], entries: Float[Tensor, "*#batch theta r"]
+) -> Float32[Tensor, "... theta r"]:
     """The phase correlation of maps (..., θ, r) at all shifts along both axes: (..., θ, r).
 
     The leading axes broadcast. Shifts are those of `Match`: the query is the entry rolled.
@@ -38,7 +43,9 @@ def phase_curves(queries: Tensor, entries: Tensor) -> Tensor:
     return fourier.irfft2(phase, s=queries.shape[-2:])
 
 
-def phase_correlation(queries: Tensor, entries: Tensor) -> Match:
+def phase_correlation(
+    queries: Float[Tensor, "*#batch theta r"], entries: Float[Tensor, "*#batch theta r"]
+) -> Match:
     """The peak of the phase correlation of maps (..., θ, r), and its shift along θ: (...).
 
     The leading axes broadcast. The peak is sought over shifts along both axes, as published, and

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from jaxtyping import Float, Float64
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
@@ -12,7 +13,9 @@ FloatArray = NDArray[np.float64]
 NED_TO_UP = np.diag([1.0, -1.0, -1.0])
 
 
-def rotation_from_rpy(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> FloatArray:
+def rotation_from_rpy(
+    roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike
+) -> Float64[np.ndarray, "*n 3 3"]:
     """R = Rz(yaw) Ry(pitch) Rx(roll), angles in radians; shape (..., 3, 3)."""
     r, p, y = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (roll, pitch, yaw)))
     cr, sr, cp, sp, cy, sy = np.cos(r), np.sin(r), np.cos(p), np.sin(p), np.cos(y), np.sin(y)
@@ -21,11 +24,10 @@ def rotation_from_rpy(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Floa
         [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
         [-sp, cp * sr, cp * cr],
     ]
-    matrix: FloatArray = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-    return matrix
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def pose_from(rotation: ArrayLike, translation: ArrayLike) -> FloatArray:
+def pose_from(rotation: ArrayLike, translation: ArrayLike) -> Float64[np.ndarray, "*n 4 4"]:
     """Homogeneous poses (..., 4, 4) from rotations (..., 3, 3) and translations (..., 3)."""
     rotation = np.asarray(rotation, dtype=np.float64)
     pose = np.zeros((*rotation.shape[:-2], 4, 4))
@@ -35,10 +37,10 @@ def pose_from(rotation: ArrayLike, translation: ArrayLike) -> FloatArray:
     return pose
 
 
-def yaw_of(pose: ArrayLike) -> FloatArray:
+def yaw_of(pose: ArrayLike) -> Float64[np.ndarray, "*n"]:
     """Counter-clockwise yaw (rad) of poses (..., 4, 4) or rotations (..., 3, 3)."""
     pose = np.asarray(pose, dtype=np.float64)
-    return np.arctan2(pose[..., 1, 0], pose[..., 0, 0])
+    return np.asarray(np.arctan2(pose[..., 1, 0], pose[..., 0, 0]))
 
 
 def wrap_angle(angle: float) -> float:
@@ -60,9 +62,8 @@ def yaw_after_turn(yaw: float, turn: float) -> float:
     return wrap_angle(yaw - turn)
 
 
-def turn_points(points: NDArray[np.float32], turn: float) -> NDArray[np.float32]:
+def turn_points(points: Float[np.ndarray, "n 3"], turn: float) -> Float[np.ndarray, "n 3"]:
     """Turn points (n, 3) about z by ``turn`` (rad, counter-clockwise)."""
     c, s = np.cos(turn), np.sin(turn)
     rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], dtype=points.dtype)
-    turned: NDArray[np.float32] = points @ rotation.T
-    return turned
+    return points @ rotation.T

@@ -2,10 +2,13 @@
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Float, Float32
 from torch import Tensor
 
 
-def negative_distance(queries: Tensor, database: Tensor) -> Tensor:
+def negative_distance(
+    queries: Float[Tensor, " q *descriptor"], database: Float[Tensor, " d *descriptor"]
+) -> Float32[Tensor, "q d"]:
     """-‖Q - D‖ for all pairs: (q, ...) and (d, ...) -> (q, d) float32, at most 0.
 
     Differences are taken first and squared then: the expansion into products would lose four
@@ -15,7 +18,9 @@ def negative_distance(queries: Tensor, database: Tensor) -> Tensor:
     return -torch.cdist(q, d, compute_mode="donot_use_mm_for_euclid_dist")
 
 
-def cosine(queries: Tensor, database: Tensor) -> Tensor:
+def cosine(
+    queries: Float[Tensor, " q *descriptor"], database: Float[Tensor, " d *descriptor"]
+) -> Float32[Tensor, "q d"]:
     """Cosine of the angle between all pairs: (q, ...) and (d, ...) -> (q, d), in [-1, 1]."""
     q = F.normalize(queries.flatten(1).float(), dim=1)
     d = F.normalize(database.flatten(1).float(), dim=1)

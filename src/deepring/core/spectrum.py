@@ -1,12 +1,15 @@
 """Magnitude spectra: translation (and rotation) leave through the phase (paper, Eq. 7)."""
 
 import torch
+from jaxtyping import Float, Float32
 from torch import Tensor
 
 from deepring.core import fourier
 
 
-def row_dft_magnitude(feature: Tensor) -> Tensor:
+def row_dft_magnitude(
+    feature: Float[Tensor, "*batch theta tau"],
+) -> Float32[Tensor, "*batch theta tau//2+1"]:
     """|DFT over τ| of each row: (..., θ, τ) real -> (..., θ, τ // 2 + 1), orthonormal.
 
     A circular shift of a row leaves it unchanged. Only ω >= 0 is kept, since the spectrum of a
@@ -17,7 +20,7 @@ def row_dft_magnitude(feature: Tensor) -> Tensor:
     return magnitude * _weights(feature.shape[-1]).to(magnitude.device)
 
 
-def _weights(bins: int) -> Tensor:
+def _weights(bins: int) -> Float32[Tensor, " {bins}//2+1"]:
     """√ of how often each ω >= 0 occurs in the spectrum of ``bins`` real values."""
     weight = torch.full((bins // 2 + 1,), 2.0**0.5)
     weight[0] = 1.0
@@ -26,7 +29,9 @@ def _weights(bins: int) -> Tensor:
     return weight
 
 
-def standardise_spectrum(magnitude: Tensor, bins: int) -> Tensor:
+def standardise_spectrum(
+    magnitude: Float[Tensor, "*batch theta omega"], bins: int
+) -> Float[Tensor, "*batch theta omega"]:
     """Zero mean and unit deviation over the full spectrum that `row_dft_magnitude` halves.
 
     (..., θ, ω) of rows of ``bins`` values -> the same shape. Inner products over the result
@@ -41,7 +46,9 @@ def standardise_spectrum(magnitude: Tensor, bins: int) -> Tensor:
     return centred / deviation.clamp_min(1e-12)
 
 
-def column_dft_magnitude(magnitude: Tensor) -> Tensor:
+def column_dft_magnitude(
+    magnitude: Float[Tensor, "*batch theta omega"],
+) -> Float32[Tensor, "*batch theta omega"]:
     """|DFT over θ| of a row magnitude, (..., θ, ω) -> (..., θ, ω): the second DFT of the 2DFT.
 
     A circular shift of the rows, that is a turn of the scan, leaves it unchanged, so that L2

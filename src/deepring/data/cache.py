@@ -24,7 +24,7 @@ from deepring.core.rigid import turn_points, yaw_of
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DeepringError
 from deepring.progress import progress_bar
-from deepring.rasters.kinds import Raster, raster_settings
+from deepring.rasters import Raster, raster_settings
 
 log = logging.getLogger(__name__)
 

@@ -15,7 +15,7 @@ from deepring.errors import DataError
 from deepring.methods.base import Method
 from deepring.methods.plain_values import plain
 from deepring.methods.registry import method_name
-from deepring.rasters.kinds import RASTERS, raster_settings
+from deepring.rasters import RASTERS, raster_settings
 
 
 def fingerprint(method: Method) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from deepring.errors import FileError
 from deepring.methods.registry import method_class
-from deepring.rasters.kinds import Raster, make_raster
+from deepring.rasters import Raster, make_raster
 from deepring.search.compare_index import CompareIndex
 from deepring.search.correlation_index import SearchSettings
 from deepring.search.hits import Index

@@ -12,7 +12,7 @@ from deepring.errors import ConfigError
 from deepring.methods import registry
 from deepring.methods.base import Comparison
 from deepring.methods.plain_values import plain
-from deepring.rasters.kinds import Raster, make_raster
+from deepring.rasters import Raster, make_raster
 
 
 class PlainSettings:

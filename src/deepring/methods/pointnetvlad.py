@@ -12,8 +12,7 @@ from deepring.methods.base import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.nn.netvlad import NetVlad
 from deepring.nn.pointnet import PointFeatures
-from deepring.rasters.kinds import raster_settings
-from deepring.rasters.point_rasters import PointsRaster
+from deepring.rasters import PointsRaster, raster_settings
 from deepring.search.correlation_index import SearchSettings
 from deepring.search.hits import Index
 from deepring.search.vector_index import VectorIndex

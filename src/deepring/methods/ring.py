@@ -11,7 +11,7 @@ from deepring.core.correlation import Form, circular_cross_correlation, shift_to
 from deepring.core.radon import radon
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
 from deepring.methods.base import Comparison, FixedMethod
-from deepring.rasters.kinds import BevRaster, Raster
+from deepring.rasters import BevRaster, Raster
 from deepring.search.compare_index import CompareIndex
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
 from deepring.search.hits import Index

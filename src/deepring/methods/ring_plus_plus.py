@@ -3,8 +3,7 @@
 from typing import ClassVar
 
 from deepring.methods.ring import Ring
-from deepring.rasters.feature_raster import FeatureBevRaster
-from deepring.rasters.kinds import Raster
+from deepring.rasters import FeatureBevRaster, Raster
 
 
 class RingPlusPlus(Ring):

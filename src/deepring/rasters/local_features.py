@@ -18,8 +18,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
-from scipy.special import entr
 
 #: In the order of the channels.
 FEATURES = ("curvature", "omnivariance", "entropy", "flatness", "reach", "variance")
@@ -34,6 +32,8 @@ def local_features(points: NDArray[Any], neighbours: int = 30) -> NDArray[np.flo
         points: (n, 3), finite.
         neighbours: points in a neighbourhood, itself included; all where there are fewer.
     """
+    from scipy.special import entr
+
     if not len(points):
         return np.zeros((0, len(FEATURES)))
     points = np.asarray(points, dtype=np.float64)
@@ -56,6 +56,8 @@ def local_features(points: NDArray[Any], neighbours: int = 30) -> NDArray[np.flo
 
 def nearest(points: NDArray[np.float64], neighbours: int) -> NDArray[np.int64]:
     """Indices of the nearest points of each, itself included: (n, min(neighbours, n)) int64."""
+    from scipy.spatial import cKDTree
+
     count = min(neighbours, len(points))
     _, indices = cKDTree(points).query(points, k=count)
     found: NDArray[np.int64] = indices.reshape(len(points), count)

@@ -23,7 +23,7 @@ from deepring.nn.aggregation import AGGREGATIONS, ROTATION_INVARIANT, channels_f
 from deepring.nn.circular import TauPadding
 from deepring.nn.representation import make_representation
 from deepring.nn.unet import CircularUNet
-from deepring.rasters.kinds import BevRaster, raster_settings
+from deepring.rasters import BevRaster, raster_settings
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
 from deepring.search.hits import Index
 from deepring.search.vector_index import VectorIndex

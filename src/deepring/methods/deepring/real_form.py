@@ -14,8 +14,8 @@ from deepring.core.radon import _directions
 from deepring.core.spectrum import _weights
 from deepring.errors import ConfigError
 from deepring.methods.deepring import DeepRing
+from deepring.rasters import BevRaster
 from deepring.rasters.bev import disc_mask
-from deepring.rasters.kinds import BevRaster
 
 
 class RealDeepRing(nn.Module):

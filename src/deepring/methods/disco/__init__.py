@@ -15,7 +15,7 @@ from deepring.errors import ConfigError
 from deepring.methods.base import Comparison
 from deepring.methods.disco.disco_unet import DiscoUNet, PolarPadding
 from deepring.methods.network import NetworkMethod, PlainSettings
-from deepring.rasters.kinds import HeightRaster, raster_settings
+from deepring.rasters import HeightRaster, raster_settings
 from deepring.search.correlation_index import SearchSettings
 from deepring.search.hits import Index
 from deepring.search.vector_index import VectorIndex

@@ -10,8 +10,7 @@ from deepring.core.similarity import negative_distance
 from deepring.methods.base import Comparison
 from deepring.methods.egonn.egonn_network import WIDTHS, EgoNN
 from deepring.methods.network import NetworkMethod, PlainSettings
-from deepring.rasters.kinds import raster_settings
-from deepring.rasters.point_rasters import VoxelRaster
+from deepring.rasters import VoxelRaster, raster_settings
 from deepring.search.correlation_index import SearchSettings
 from deepring.search.hits import Index
 from deepring.search.vector_index import VectorIndex
