@@ -49,6 +49,14 @@ def radon(
     Raises:
         DataError: images that are not square.
         ConfigError: another theta_range, or a number of angles that cannot be had.
+
+    >>> image = torch.zeros(4, 4)
+    >>> image[3, 0] = 1.0  # x forward, y to the right
+    >>> radon(image, angles=4)
+    tensor([[0.0000, 0.0000, 0.0000, 0.5000],
+            [0.5000, 0.0000, 0.0000, 0.0000],
+            [0.5000, 0.0000, 0.0000, 0.0000],
+            [0.0000, 0.0000, 0.0000, 0.5000]])
     """
     if image.ndim < 2 or image.shape[-1] != image.shape[-2]:
         raise DataError(f"radon: image of shape {tuple(image.shape)}, expected (..., n, n)")
