@@ -1,4 +1,4 @@
-"""Checks of equivariance and invariance, for our tests and for anyone's new layer."""
+"""Assertions of equivariance and invariance (paper, Eq. 2, 3, 6 and 7), for anyone's new layer."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""2-D spectra of polar feature maps: DiSCO's signature and its phase correlation.
+"""DiSCO's counterpart of Eq. 7 and 8: the 2-D spectrum of a polar map, and phase correlation.
 
 Source: Xu et al. (RA-L 2021, Sec. III); MaverickPeter/DiSCO-pytorch.
 """

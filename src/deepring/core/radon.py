@@ -1,5 +1,6 @@
-"""The Radon transform of an image: its sinogram R_f(θ, τ) (paper, Eq. 1).
+"""The Radon transform of an image: its sinogram R_f(θ, τ) (paper, Eq. 1 to 3).
 
+By Eq. 2 a turn of the image shifts θ, by Eq. 3 a translation shifts each row along τ.
 Pixel-driven with linear interpolation: every occupied cell is projected to
 τ = x cos θ + y sin θ and shared between the two nearest τ bins. The cost grows with the
 occupied cells only. θ = 2π k / angles without the end point; τ bins are centred on zero.

@@ -1,4 +1,4 @@
-"""Rigid transforms: rotation matrices, poses, planar yaw. float64 throughout."""
+"""The rotations and translations of Eq. 2 and 3: matrices, poses, planar yaw; float64."""
 
 import math
 

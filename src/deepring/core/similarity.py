@@ -1,4 +1,4 @@
-"""Similarities without a search over rotations: Euclidean distance and cosine."""
+"""Similarities without Eq. 8's search over rotations: Euclidean distance and cosine (paper, VI-D)."""
 
 import torch
 import torch.nn.functional as F

@@ -1,4 +1,4 @@
-"""The polar gram P_f(θ, r): occupancy over polar cells (paper, Sec. III-A)."""
+"""The polar gram P_f(r, θ): occupancy over polar cells (paper, Sec. III-A, Eq. 4)."""
 
 from dataclasses import dataclass, field
 
