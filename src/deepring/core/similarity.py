@@ -1,4 +1,4 @@
-"""Similarities without Eq. 8's search over rotations: Euclidean distance and cosine (paper, VI-D)."""
+"""Similarities without Eq. 8's search over rotations: distance and cosine (paper, Sec. VI-D)."""
 
 import torch
 import torch.nn.functional as F
