@@ -1,4 +1,18 @@
-"""DeepRING: sinogram, circular UNet, row-wise DFT magnitude, circular cross-correlation."""
+"""DeepRING: sinogram, circular UNet, row-wise DFT magnitude, circular cross-correlation.
+
+The paper's equations, and where they are (`tests/test_paper_equations.py` has a test for each):
+
+    1  sinogram: integrals over lines x cos θ + y sin θ = τ    core.radon.radon
+    2  a turn of the scan shifts the sinogram along θ          core.radon; core.equivariance
+    3  a translation shifts each row by its projection         core.radon; core.equivariance
+    4  a translation moves polar cells nonlinearly             rasters.polar.polar_gram
+    5  convolution that wraps around both axes                 nn.circular.CircularConv2d
+    6  features shift along τ with the sinogram                nn.unet.CircularUNet
+    7  the magnitude of a row's DFT forgets the shift          core.spectrum.row_dft_magnitude
+    8  similarity: largest circular cross-correlation over θ   core.correlation
+    9  softmax(W C + b) over the ways of an episode            training: OneShotClassifier
+    -  cross-entropy over the ways, not numbered in the paper  training: OneShotCrossEntropy
+"""
 
 import math
 from collections.abc import Callable, Sequence
