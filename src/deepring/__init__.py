@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from deepring.methods.ring import Ring as Ring
     from deepring.methods.ring_plus_plus import RingPlusPlus as RingPlusPlus
     from deepring.methods.scan_context import ScanContext as ScanContext
-    from deepring.rasters.kinds import BevRaster as BevRaster
-    from deepring.rasters.preprocessing import Preprocessing as Preprocessing
+    from deepring.rasters import BevRaster as BevRaster
+    from deepring.rasters import Preprocessing as Preprocessing
     from deepring.search.correlation_index import CorrelationIndex as CorrelationIndex
     from deepring.search.correlation_index import SearchSettings as SearchSettings
 
@@ -35,7 +35,7 @@ __version__ = "0.1.0"
 
 #: Where each public name is defined.
 _MODULES = {
-    "BevRaster": "deepring.rasters.kinds",
+    "BevRaster": "deepring.rasters",
     "ConfigError": "deepring.errors",
     "CorrelationIndex": "deepring.search.correlation_index",
     "DataError": "deepring.errors",
@@ -44,7 +44,7 @@ _MODULES = {
     "FileError": "deepring.errors",
     "LoopSettings": "deepring.localization.loops",
     "Map": "deepring.localization.map",
-    "Preprocessing": "deepring.rasters.preprocessing",
+    "Preprocessing": "deepring.rasters",
     "Ring": "deepring.methods.ring",
     "RingPlusPlus": "deepring.methods.ring_plus_plus",
     "ScanContext": "deepring.methods.scan_context",
