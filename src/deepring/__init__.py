@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from deepring.rasters import Preprocessing as Preprocessing
     from deepring.search.correlation_index import CorrelationIndex as CorrelationIndex
     from deepring.search.correlation_index import SearchSettings as SearchSettings
+    from deepring.testing import check_method as check_method
 
 __version__ = "0.1.0"
 
@@ -50,6 +51,7 @@ _MODULES = {
     "ScanContext": "deepring.methods.scan_context",
     "SearchSettings": "deepring.search.correlation_index",
     "Session": "deepring.data.session",
+    "check_method": "deepring.testing",
     "circular_cross_correlation": "deepring.core.correlation",
     "evaluate_method": "deepring.evaluation.protocol",
     "find_loops": "deepring.localization.loops",

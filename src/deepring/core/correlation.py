@@ -7,6 +7,8 @@ import torch
 from jaxtyping import Complex64, Float, Float32, Int64
 from torch import Tensor
 
+from deepring.core import fourier
+
 Form = Literal["paper", "published"]
 """Eq. 8 of the paper, or what the authors' code (lus6-Jenny/RING) correlates by."""
 
@@ -27,7 +29,7 @@ def theta_spectrum(
     descriptor: Float[Tensor, "n theta omega"],
 ) -> Complex64[Tensor, "n theta//2+1 omega"]:
     """DFT over θ of descriptors (n, θ, ω), complex64 (n, θ // 2 + 1, ω): what a search stores."""
-    return torch.fft.rfft(descriptor.float(), dim=-2)
+    return fourier.rfft(descriptor.float(), dim=-2)
 
 
 def correlation_curves(
@@ -46,7 +48,7 @@ def correlation_curves(
     q = theta_spectrum(queries).permute(1, 0, 2)
     d = theta_spectrum(database).permute(1, 2, 0)
     cross = torch.bmm(q, d.conj())
-    return torch.fft.irfft(cross.permute(1, 2, 0), n=rows, dim=-1)
+    return fourier.irfft(cross.permute(1, 2, 0), n=rows, dim=-1)
 
 
 def magnitude_correlation_curves(
@@ -76,7 +78,7 @@ def magnitude_correlation_curves(
     def curves(
         q: Complex64[Tensor, "q frequency omega"], d: Complex64[Tensor, "d frequency omega"]
     ) -> Float32[Tensor, "q d theta"]:
-        return torch.fft.irfft(q[:, None] * d, n=rows, dim=-2).abs().sum(dim=-1)
+        return fourier.irfft(q[:, None] * d, n=rows, dim=-2).abs().sum(dim=-1)
 
     return torch.cat([torch.cat([curves(q, d) for d in entries], dim=1) for q in few])
 

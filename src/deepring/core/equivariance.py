@@ -18,9 +18,13 @@ class EquivarianceError(AssertionError):
 
 
 def relative_error(actual: Shaped[Tensor, "*#n"], expected: Shaped[Tensor, "*#n"]) -> float:
-    """‖actual - expected‖ / ‖expected‖ over all elements."""
-    difference = torch.linalg.vector_norm((actual - expected).double())
-    return float(difference / torch.linalg.vector_norm(expected.double()).clamp_min(1e-30))
+    """‖actual - expected‖ / ‖expected‖ over all elements, real or complex.
+
+    >>> relative_error(torch.tensor([3.0, 0.0]), torch.tensor([2.0, 0.0]))
+    0.5
+    """
+    difference = torch.linalg.vector_norm((actual - expected).abs().double())
+    return float(difference / torch.linalg.vector_norm(expected.abs().double()).clamp_min(1e-30))
 
 
 def assert_equivariant(

@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Float, Float32
 from torch import Tensor
 
+from deepring.core import fourier
 from deepring.core.correlation import Match
 
 #: Under the root, so that the magnitude's gradient is finite where a spectrum vanishes.
@@ -22,7 +23,7 @@ def central_magnitude(
     frequencies of either axis, which must be as long. Circular shifts along θ, and along r as
     well, leave it unchanged. As the map is real, nearly every value comes twice.
     """
-    spectrum = torch.fft.fft2(feature.float(), norm="ortho")
+    spectrum = fourier.fft2(feature.float(), norm="ortho")
     magnitude = (spectrum.real.square() + spectrum.imag.square() + EPSILON).sqrt()
     centred = torch.fft.fftshift(magnitude, dim=(-2, -1))
     first, left = (length // 2 - size // 2 for length in feature.shape[-2:])
@@ -36,10 +37,10 @@ def phase_curves(
 
     The leading axes broadcast. Shifts are those of `Match`: the query is the entry rolled.
     """
-    q, d = (torch.fft.rfft2(maps.float()) for maps in (queries, entries))
+    q, d = (fourier.rfft2(maps.float()) for maps in (queries, entries))
     cross = q * d.conj()
     phase = cross / cross.abs().clamp_min(1e-12)
-    return torch.fft.irfft2(phase, s=queries.shape[-2:])
+    return fourier.irfft2(phase, s=queries.shape[-2:])
 
 
 def phase_correlation(

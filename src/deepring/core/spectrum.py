@@ -4,6 +4,8 @@ import torch
 from jaxtyping import Float, Float32
 from torch import Tensor
 
+from deepring.core import fourier
+
 
 def row_dft_magnitude(
     feature: Float[Tensor, "*batch theta tau"],
@@ -14,7 +16,7 @@ def row_dft_magnitude(
     real row is symmetric; the doubled frequencies are weighed by √2, so that inner products and
     norms over this half equal those over the paper's full spectrum.
     """
-    magnitude = torch.fft.rfft(feature.float(), dim=-1, norm="ortho").abs()
+    magnitude = fourier.rfft(feature.float(), dim=-1, norm="ortho").abs()
     return magnitude * _weights(feature.shape[-1]).to(magnitude.device)
 
 
@@ -54,4 +56,4 @@ def column_dft_magnitude(
     magnitude: a 2-D DFT of the feature itself would not undo a translation, whose shift in τ
     differs from row to row.
     """
-    return torch.fft.fft(magnitude.float(), dim=-2, norm="ortho").abs()
+    return fourier.fft(magnitude.float(), dim=-2, norm="ortho").abs()

@@ -44,7 +44,7 @@ class Sinogram(nn.Module):
         return self.bins // self.pool
 
     def forward(
-        self, raster: Shaped[Tensor, "batch n n"]
+        self, raster: Shaped[Tensor, "batch x y"]
     ) -> Float32[Tensor, "batch 1 {self.rows} {self.columns}"]:
         """Sinograms of the batch."""
         sinogram = radon(raster, self.angles, self.bins, theta_range=self.theta_range)[:, None]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.rasters.base import Raster
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters.preprocessing import Preprocessing, coordinates
 
 
 @dataclass(frozen=True)
@@ -56,5 +56,5 @@ def scan_context(
     from deepring.rasters import _polar_kernels
 
     image = np.zeros((sectors, rings), dtype=np.float32)
-    _polar_kernels.polar_highest(np.ascontiguousarray(points), radius, sectors, rings, image)
+    _polar_kernels.polar_highest(coordinates(points), radius, image)
     return image

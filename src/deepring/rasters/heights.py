@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from deepring import checks
 from deepring.rasters.base import Raster
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters.preprocessing import Preprocessing, coordinates
 
 
 @dataclass(frozen=True)
@@ -73,5 +73,5 @@ def polar_layers(
 
     image = np.zeros(shape, dtype=np.bool_)
     low, high = height
-    _polar_kernels.polar_layers(np.ascontiguousarray(points), radius, low, high, image)
+    _polar_kernels.polar_layers(coordinates(points), radius, low, high, image)
     return image

@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 import torch
 from torch import Tensor
 
+from deepring.core import fourier
 from deepring.core.correlation import theta_spectrum
 
 Precision = Literal["float32", "bfloat16", "int8"]
@@ -78,7 +79,7 @@ def best_shift(queries: Tensor, places: Spectra, rows: int) -> tuple[Tensor, Ten
         rows: θ of the descriptors.
     """
     cross = cross_spectra(queries, places)
-    curves = torch.fft.irfft(torch.view_as_complex(cross), n=rows, dim=-1)
+    curves = fourier.irfft(torch.view_as_complex(cross), n=rows, dim=-1)
     best = curves.max(dim=-1)
     return best.values, best.indices
 
