@@ -99,7 +99,7 @@ coverage: install
 mutation: install
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[mutation]'
 	$(BIN)/mutmut run $(MUTANTS)
-	$(BIN)/mutmut results
+	$(BIN)/mutmut results | grep -v 'not checked'
 
 hooks: install
 	$(BIN)/pre-commit install
