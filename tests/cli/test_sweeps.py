@@ -12,8 +12,8 @@ import pytest
 from test_cli import SMALL, deepring, refused
 
 from deepring.cli.sweeps import folder_name, naming
-from deepring.cli.train_commands import config_folder
 from deepring.evaluation.results import read_results
+from deepring.experiment.config_groups import config_folder
 
 QUICK = [*SMALL, "evaluation.figures=false"]
 LONG = [a for a in QUICK if not a.startswith("trainer.max_epochs")]

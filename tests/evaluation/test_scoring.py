@@ -22,7 +22,7 @@ from deepring.evaluation.scoring import (
     score_pair,
 )
 from deepring.methods.base import Comparison
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRing
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.network import NetworkMethod
 from deepring.methods.ring import Ring
@@ -30,6 +30,7 @@ from deepring.methods.scan_context import ScanContext
 from deepring.rasters.kinds import BevRaster, ContextRaster, HeightRaster, raster_settings
 from deepring.rasters.preprocessing import Preprocessing
 from helpers.drives import PLACES, QUERIES, road_task
+from helpers.networks import deepring_settings
 
 BEV = BevRaster(cells=24)
 CONTEXT = ContextRaster(sectors=24, rings=8)
@@ -39,7 +40,7 @@ HEIGHTS = HeightRaster(layers=2, sectors=24, rings=16)
 def deepring(seed=0, **changes):
     torch.manual_seed(seed)
     values = {"raster": raster_settings(BEV), "angles": 24, "bins": 24, "widths": (4, 6)}
-    return DeepRing(DeepRingSettings(**{**values, **changes}))
+    return DeepRing(deepring_settings(**{**values, **changes}))
 
 
 def disco():

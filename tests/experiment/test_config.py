@@ -7,10 +7,10 @@ import pytest
 from hydra.errors import ConfigCompositionException
 from omegaconf import OmegaConf
 
-from deepring.cli.train_commands import config_folder
 from deepring.errors import DeepringError
 from deepring.experiment import build
 from deepring.experiment.config import PreprocessingConfig, flattened
+from deepring.experiment.config_groups import config_folder
 from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.plan import plan_evaluation
 from deepring.rasters.preprocessing import Preprocessing

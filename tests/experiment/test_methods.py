@@ -4,9 +4,9 @@ import pytest
 from omegaconf import OmegaConf
 from test_train import SMALL
 
-from deepring.cli.train_commands import config_folder
 from deepring.errors import DeepringError
 from deepring.experiment import build
+from deepring.experiment.config_groups import config_folder
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.train import train
 from deepring.methods.checkpoint import load_network

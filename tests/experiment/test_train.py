@@ -8,9 +8,9 @@ import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from deepring.cli.train_commands import config_folder
 from deepring.errors import DeepringError
 from deepring.evaluation.results import COLUMNS, read_results
+from deepring.experiment.config_groups import config_folder
 from deepring.experiment.evaluate import evaluate
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.train import train

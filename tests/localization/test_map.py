@@ -14,15 +14,16 @@ from deepring.data.readers.nclt import open_nclt
 from deepring.errors import DeepringError
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.map import AcceptanceThresholds, Map
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRing
 from deepring.rasters.kinds import BevRaster, raster_settings
 from deepring.search.correlation_index import SearchSettings
+from helpers.networks import deepring_settings
 
 
 def small_network(seed=0, **settings):
     torch.manual_seed(seed)
     raster = raster_settings(BevRaster())
-    return DeepRing(DeepRingSettings(raster, pool=2, widths=(4, 8), convolutions=1, **settings))
+    return DeepRing(deepring_settings(raster, pool=2, widths=(4, 8), convolutions=1, **settings))
 
 
 @pytest.fixture(scope="module")

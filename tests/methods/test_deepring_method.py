@@ -19,6 +19,7 @@ from deepring.rasters.kinds import (
     RangeRaster,
     raster_settings,
 )
+from helpers.networks import deepring_settings
 
 CELLS = 32
 
@@ -34,7 +35,7 @@ def small(**changes):
         "widths": (4, 6),
         "convolutions": 1,
     }
-    return DeepRingSettings(**{**values, **changes})
+    return deepring_settings(**{**values, **changes})
 
 
 def network(**changes):
@@ -196,7 +197,7 @@ def test_an_empty_scan_gives_a_finite_descriptor():
 def test_settings_round_trip_as_plain_values(settings):
     values = settings.to_dict()
     assert DeepRingSettings.from_dict(values) == settings
-    assert isinstance(values["widths"], list)
+    assert isinstance(values["encoder"]["widths"], list)
     through_json = DeepRingSettings.from_dict(json.loads(json.dumps(values)))
     assert json.dumps(through_json.to_dict()) == json.dumps(values)
 

@@ -5,7 +5,7 @@ import torch
 
 from deepring.errors import DeepringError
 from deepring.methods.base import Comparison
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRing
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.index_for import index_for
 from deepring.methods.ring import Ring
@@ -15,6 +15,7 @@ from deepring.rasters.kinds import BevRaster, ContextRaster, HeightRaster, raste
 from deepring.search.compare_index import CompareIndex
 from deepring.search.correlation_index import CorrelationIndex
 from deepring.search.vector_index import VectorIndex
+from helpers.networks import deepring_settings
 
 
 def bevs(n, seed):
@@ -44,7 +45,7 @@ def deepring(**settings):
     torch.manual_seed(0)
     raster = raster_settings(BevRaster(cells=40))
     return DeepRing(
-        DeepRingSettings(raster, angles=40, bins=40, widths=(4,), convolutions=1, **settings)
+        deepring_settings(raster, angles=40, bins=40, widths=(4,), convolutions=1, **settings)
     )
 
 

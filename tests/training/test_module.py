@@ -10,14 +10,15 @@ import torch
 from deepring.data.cache import Rasters, pack
 from deepring.errors import DeepringError
 from deepring.methods.checkpoint import load_network
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRing
 from deepring.rasters.kinds import BevRaster, raster_settings
 from deepring.training.datamodule import RetrievalBatch
 from deepring.training.episodes import BatchOrder, EpisodeDataset, EpisodeSettings, Places
 from deepring.training.module import PlaceModule
+from helpers.networks import deepring_settings
 
 RASTER = BevRaster(cells=32)
-SETTINGS = DeepRingSettings(
+SETTINGS = deepring_settings(
     raster=raster_settings(RASTER), angles=32, bins=32, widths=[4, 8], convolutions=1
 )
 EPISODE = EpisodeSettings(ways=4, shots=1, queries=2, per_epoch=6)

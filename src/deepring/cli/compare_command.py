@@ -21,7 +21,7 @@ def compare_command(arguments: Sequence[str]) -> None:
         raise DeepringError("--learned, --fixed: both empty; expected at least one method")
     finished, failed = [], 0
     for kind, overrides in _sweeps(args):
-        done = run_multirun(["-m", f"comparison={kind}", *overrides, *args.overrides])
+        done = run_multirun(["-m", f"sweep={kind}", *overrides, *args.overrides])
         finished += done.finished
         failed += report_sweep(done)
     folders = list(dict.fromkeys(folder.parent for folder in finished))
@@ -64,9 +64,9 @@ def _parser() -> argparse.ArgumentParser:
         help="that learn nothing; RING, RING++ and both Scan Contexts by default",
     )
     parser.add_argument(
-        "--train", metavar="DATASETS", help="one after the other, of conf/train; two by default"
+        "--train", metavar="DATASETS", help="one after the other, of conf/data; two by default"
     )
-    parser.add_argument("--test", metavar="DATASETS", help="all, of conf/test; two by default")
+    parser.add_argument("--test", metavar="DATASETS", help="all, of conf/data; two by default")
     parser.add_argument("--seeds", metavar="SEEDS", help="0,1 by default")
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE")
     return parser

@@ -14,7 +14,7 @@ deepring COMMAND ...
 
 commands:
   train       train a method and evaluate it       deepring train experiment=demo
-              or sweep over what is varied         deepring train -m ablation=table3
+              or sweep over what is varied         deepring train -m sweep=table3
   evaluate    evaluate methods on a test region    deepring evaluate data=sim_nclt
   compare     train and evaluate all methods       deepring compare
   score       score exported descriptors again     deepring score FOLDER

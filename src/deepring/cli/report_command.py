@@ -6,7 +6,6 @@ from pathlib import Path
 
 from deepring.cli.console import console
 from deepring.errors import DeepringError
-from deepring.experiment.config import register_schema
 from deepring.experiment.report import report
 from deepring.io.files import write_whole
 
@@ -29,7 +28,6 @@ def report_command(arguments: Sequence[str]) -> None:
         )
     if args.failures < 0:
         raise DeepringError(f"--failures {args.failures}: expected at least 0")
-    register_schema()
     text = report(args.run, args.failures)
     write_whole(output, [text.encode()])
     console.print(f"written      {output}", markup=False)

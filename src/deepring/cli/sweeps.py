@@ -48,14 +48,14 @@ def is_sweep(arguments: Sequence[str]) -> bool:
     return asked
 
 
-#: Groups whose files say what a sweep varies.
-_SWEEPING = ("ablation", "comparison")
+#: The group whose files say what a sweep varies.
+_SWEEPING = "sweep"
 
 
 def naming(arguments: Sequence[str], configs: Path) -> list[str]:
     """A further override, by which a job's folder is named after what is varied alone.
 
-    What an ablation or a comparison in the folder ``configs`` varies is a part of the name also
+    What a file of ``sweep`` in the folder ``configs`` varies is a part of the name also
     where the command line gives it one value; of a key given twice the last one counts, as for
     Hydra.
     """
@@ -73,7 +73,7 @@ def naming(arguments: Sequence[str], configs: Path) -> list[str]:
         swept[key] = override.is_sweep_override()
         if key == "hydra.sweep.dir" and not override.value():
             raise DeepringError(f"{argument}: expected a folder to keep the sweep in")
-        if key in _SWEEPING and not swept[key]:
+        if key == _SWEEPING and not swept[key]:
             varied |= _varied_by(configs / key / f"{override.value()}.yaml")
     fixed = [key for key in swept if not swept[key] and key.lstrip("+~") not in varied]
     keys = ",".join(f'"{key}"' for key in dict.fromkeys(_spellings(fixed)))

@@ -6,6 +6,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import hydra
@@ -23,22 +24,11 @@ from deepring.cli.sweeps import (
     run_sweep,
 )
 from deepring.evaluation.results import Result
-from deepring.experiment.config import (
-    Config,
-    check_config,
-    counted_over,
-    register_schema,
-)
+from deepring.experiment.config import Config, EvaluationSettings, check_config
+from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.run_folder import is_first_process, link_latest, open_run_folder
 from deepring.progress import silence
 from deepring.reports.results_table import render, render_radii
-
-
-def config_folder() -> Path:
-    """The packaged ``conf/``, or the checkout's where the package runs from one."""
-    package = Path(__file__).resolve().parents[1]
-    packaged = package / "conf"
-    return packaged if packaged.is_dir() else package.parents[1] / "conf"
 
 
 def train_command(arguments: Sequence[str]) -> None:
@@ -82,7 +72,7 @@ def _run_hydra(
     sys.argv = [str(Path(__file__).with_name("train.py")), *arguments]
     # Hydra then passes its errors on, and `main` prints them as it prints ours.
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")
-    register_schema()
+    register_configs()
     hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=name)(task)()
 
 
@@ -97,7 +87,7 @@ def _sweep_job(composed: DictConfig) -> float:
         cfg = check_config(composed)
         if in_parallel():
             silence()
-            cfg.callbacks["progress"] = None
+            cfg = replace(cfg, callbacks={**cfg.callbacks, "progress": None})
         score = run_job(cfg, run_folder(cfg))
     return math.nan if score is None else score
 
@@ -110,7 +100,7 @@ def _train(composed: DictConfig) -> None:
     _keep_lightning_quiet()
     trained = train(cfg, run_folder(cfg))
     if trained.results:
-        show(cfg, trained.results)
+        show(cfg.evaluation, trained.results)
     if is_first_process():
         if trained.checkpoint is not None:
             console.print(f"checkpoint   {trained.checkpoint}")
@@ -126,8 +116,8 @@ def _evaluate(composed: DictConfig) -> None:
     folder = run_folder(cfg)
     checkpoint = None if cfg.checkpoint is None else Path(cfg.checkpoint)
     plan = plan_evaluation(cfg, checkpoint)
-    open_run_folder(cfg, folder)
-    show(cfg, evaluate(cfg, folder, plan))
+    open_run_folder(plan.record, folder)
+    show(plan.evaluation, evaluate(plan, folder))
     link_latest(folder)
     show_folder(folder)
 
@@ -145,11 +135,11 @@ def run_folder(cfg: Config) -> Path:
     return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
 
 
-def show(cfg: Config, results: list[Result]) -> None:
+def show(evaluation: EvaluationSettings, results: list[Result]) -> None:
     """Print the headline table and, below it, Recall@1 by radius."""
-    over = counted_over(cfg)
-    console.print(render(results, cfg.evaluation.radii[0], over))
-    if len(cfg.evaluation.radii) > 1:
+    over = evaluation.counted_over
+    console.print(render(results, evaluation.radii[0], over))
+    if len(evaluation.radii) > 1:
         console.print(render_radii(results, over))
 
 

@@ -87,5 +87,11 @@ def twin_figure(method: Method, scans: ScanSet, k: int) -> Figure:
         curve.numpy(),
         raster.extent,
         TWIN_TURN,
-        180.0 if isinstance(method, DeepRing) and method.settings.theta_range == "half" else 360.0,
+        period_of(method),
     )
+
+
+def period_of(method: Method) -> float:
+    """Degrees after which the method's sinograms repeat themselves."""
+    half = isinstance(method, DeepRing) and method.settings.representation.theta_range == "half"
+    return 180.0 if half else 360.0

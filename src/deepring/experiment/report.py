@@ -8,13 +8,14 @@ import torch
 from omegaconf import OmegaConf
 
 from deepring.core.correlation import correlation_curves
-from deepring.data.cache import Rasters, ScanSet
+from deepring.data.cache import RasterCache, Rasters, ScanSet
 from deepring.data.dataset import RetrievalSet
 from deepring.errors import DeepringError
 from deepring.evaluation.results import Result, read_results
 from deepring.evaluation.retrievals import Retrievals, retrievals_in
 from deepring.experiment.config import Config, check_config
 from deepring.experiment.evaluate import load_task
+from deepring.experiment.pictures import period_of
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.run_folder import read_config
 from deepring.methods.deepring import DeepRing
@@ -54,7 +55,7 @@ def report(run: Path, failures: int = 6) -> str:
         html.heading("The worst failures"),
         *_failures(run, cfg, radius, failures),
         html.heading("Config"),
-        html.preformatted(OmegaConf.to_yaml(cfg)),
+        html.preformatted((run / "config.yaml").read_text()),
     ]
     return html.page(f"{cfg.experiment_name}: {run.resolve().name}", parts)
 
@@ -110,13 +111,13 @@ def _failures(run: Path, cfg: Config, radius: float, count: int) -> Iterator[str
             f"wrong; shown are the {min(count, len(wrong))} of the highest scores."
         )
         worst = wrong[np.argsort(-found.score[wrong], kind="stable")][:count]
-        yield from _drawn(cfg, network, split, found, worst)
+        yield from _drawn(plan.cache, network, split, found, worst)
 
 
 def _drawn(
-    cfg: Config, network: DeepRing, split: RetrievalSet, found: Retrievals, worst: np.ndarray
+    cache: RasterCache, network: DeepRing, split: RetrievalSet, found: Retrievals, worst: np.ndarray
 ) -> Iterator[str]:
-    task = load_task(cfg, split, network.raster)
+    task = load_task(cache, split, network.raster)
     for q in worst:
         query = _numbered(task.query.scans, int(found.query[q]))
         place = _numbered(task.database.scans, int(found.place[q]))
@@ -129,7 +130,7 @@ def _drawn(
             (f"nearest, {away[right]:.0f} m", _one(task.database.rasters, right)),
         ]
         shown = _shown(network, seen)
-        period = 180.0 if network.settings.theta_range == "half" else 360.0
+        period = period_of(network)
         assert isinstance(network.raster, BevRaster)
         figure = failure_figure(shown, network.raster.extent, period)
         caption = (

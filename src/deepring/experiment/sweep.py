@@ -2,16 +2,16 @@
 
 import logging
 import re
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
-
-from omegaconf import OmegaConf
 
 from deepring.errors import DeepringError
-from deepring.experiment.config import Config, flattened
+from deepring.experiment.config import Config
+from deepring.experiment.record import record_of
 from deepring.experiment.run_folder import read_config
 from deepring.experiment.status import failure_noted, read_status, sole_worker
 from deepring.experiment.train import train
+from deepring.paper.flat import flatten
 
 log = logging.getLogger(__name__)
 
@@ -40,13 +40,13 @@ def run_job(cfg: Config, folder: Path) -> float | None:
         last = folder / "checkpoints" / "last.ckpt"
         if last.is_file():
             log.info("going on from %s", last)
-            cfg.resume = str(last)
+            cfg = replace(cfg, resume=str(last))
         with failure_noted(folder):
             return train(cfg, folder, latest=False).score
 
 
 def _check_alone(cfg: Config) -> None:
-    devices, nodes = cfg.trainer.devices, cfg.trainer.num_nodes
+    devices, nodes = cfg.trainer["devices"], cfg.trainer["num_nodes"]
     if (devices, nodes) != (1, 1):
         raise DeepringError(
             f"trainer.devices: {devices}, trainer.num_nodes: {nodes}; a sweep gives each job one "
@@ -56,9 +56,7 @@ def _check_alone(cfg: Config) -> None:
 
 def _check_same(cfg: Config, path: Path) -> None:
     """Refuse a folder whose config is another one."""
-    kept = read_config(path)
-    asked = OmegaConf.to_container(cast("Any", cfg), resolve=True)
-    before, now = flattened(kept), flattened(asked)
+    before, now = flatten(read_config(path)), flatten(record_of(cfg))
     keys = sorted(
         key
         for key in before.keys() | now.keys()

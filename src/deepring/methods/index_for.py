@@ -25,11 +25,12 @@ def index_for(method: Method, settings: SearchSettings | None = None) -> Index:
     by its own ``compare``.
     """
     match method:
-        case DeepRing() if method.settings.similarity == "correlation":
-            period = math.pi if method.settings.theta_range == "half" else 2 * math.pi
+        case DeepRing() if method.settings.similarity.kind == "correlation":
+            half = method.settings.representation.theta_range == "half"
+            period = math.pi if half else 2 * math.pi
             return CorrelationIndex(settings, period=period)
         case DeepRing():
-            return VectorIndex("l2" if method.settings.similarity == "l2" else "cosine")
+            return VectorIndex("l2" if method.settings.similarity.kind == "l2" else "cosine")
         case Ring() if method.correlation == _PAPER:
             return CorrelationIndex(settings, cells=method.angles * method.bins)
         case RingPlusPlus() if method.correlation == _PAPER:

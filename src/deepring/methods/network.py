@@ -2,52 +2,27 @@
 
 import importlib
 from abc import ABC, abstractmethod
-from dataclasses import fields
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
 
 from deepring.errors import DeepringError
 from deepring.methods.base import Comparison, expect_raster
+from deepring.methods.settings import SettingsGroup
 from deepring.rasters.kinds import Raster, make_raster
 
 
-class PlainSettings:
-    """Base of frozen dataclasses of plain values, among them ``raster``, a raster's settings.
+class PlainSettings(SettingsGroup):
+    """Base of the frozen dataclasses that make a network: a raster's settings, and more.
 
-    Sequences become tuples, those within ``raster`` lists, so that equal settings compare equal
-    wherever they come from.
+    They are plain values, which travel in checkpoints and are the method's node in a config.
     """
 
     label: ClassVar[str]
     """The method's name, for messages."""
 
     raster: dict[str, Any]
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if isinstance(value, list):
-                object.__setattr__(self, name, tuple(value))
-        object.__setattr__(self, "raster", _plain(self.raster))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain dict of lists, strings and numbers, as `from_dict` takes it."""
-        return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}  # type: ignore[arg-type]
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> Self:
-        """Raises DeepringError where the values do not make settings."""
-        try:
-            return cls(**values)
-        except TypeError as error:
-            raise DeepringError(f"{cls.label} settings: {error}") from None
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 class NetworkMethod(nn.Module, ABC):
