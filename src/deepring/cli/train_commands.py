@@ -8,27 +8,20 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-
-import hydra
-from omegaconf import DictConfig
+from typing import TYPE_CHECKING
 
 from deepring.cli.console import console, mistakes_reported
+from deepring.cli.group_help import group_help
 from deepring.cli.process import tune_process
-from deepring.cli.sweeps import (
-    Swept,
-    in_parallel,
-    is_sweep,
-    naming,
-    outcome_noted,
-    report_sweep,
-    run_sweep,
-)
-from deepring.evaluation.results import Result
-from deepring.experiment.config import Config, EvaluationSettings, check_config
 from deepring.experiment.config_groups import config_folder, register_configs
-from deepring.experiment.run_folder import is_first_process, link_latest, open_run_folder
 from deepring.progress import silence
-from deepring.reports.results_table import render, render_radii
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+    from deepring.cli.sweeps import Swept
+    from deepring.evaluation.results import Result
+    from deepring.experiment.config import Config, EvaluationSettings
 
 
 def train_command(arguments: Sequence[str]) -> None:
@@ -37,6 +30,10 @@ def train_command(arguments: Sequence[str]) -> None:
     ``resume=CHECKPOINT`` goes on in that run's folder; ``-m`` runs a sweep, one job after the
     other or as the launcher has it.
     """
+    if _help_is_asked("train", arguments):
+        return
+    from deepring.cli.sweeps import is_sweep, report_sweep
+
     if is_sweep(arguments):
         if report_sweep(run_multirun(arguments)):
             sys.exit(1)
@@ -47,10 +44,20 @@ def train_command(arguments: Sequence[str]) -> None:
     _run_hydra("train", _train, arguments)
 
 
-def run_multirun(arguments: Sequence[str]) -> Swept:
+def run_multirun(arguments: Sequence[str]) -> "Swept":
     """The jobs of ``deepring train -m``, and how they ended."""
+    from deepring.cli.sweeps import naming, run_sweep
+
     named = naming(arguments, config_folder())
     return run_sweep(lambda: _run_hydra("train", _sweep_job, [*arguments, *named]))
+
+
+def _help_is_asked(command: str, arguments: Sequence[str]) -> bool:
+    """Print the groups and their options where ``--help`` asks for them."""
+    asked = any(argument in ("-h", "--help") for argument in arguments)
+    if asked:
+        print(group_help(command, config_folder()), end="")
+    return asked
 
 
 def run_of(checkpoint: Path) -> Path | None:
@@ -62,12 +69,15 @@ def run_of(checkpoint: Path) -> Path | None:
 
 def evaluate_command(arguments: Sequence[str]) -> None:
     """``deepring evaluate [checkpoint=FILE] [KEY=VALUE ...]``."""
-    _run_hydra("evaluate", _evaluate, arguments)
+    if not _help_is_asked("evaluate", arguments):
+        _run_hydra("evaluate", _evaluate, arguments)
 
 
 def _run_hydra(
-    name: str, task: Callable[[DictConfig], float | None], arguments: Sequence[str]
+    name: str, task: Callable[["DictConfig"], float | None], arguments: Sequence[str]
 ) -> None:
+    import hydra
+
     # DDP starts its further processes as `python argv[0] argv[1:]`.
     sys.argv = [str(Path(__file__).with_name("train.py")), *arguments]
     # Hydra then passes its errors on, and `main` prints them as it prints ours.
@@ -76,8 +86,10 @@ def _run_hydra(
     hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=name)(task)()
 
 
-def _sweep_job(composed: DictConfig) -> float:
+def _sweep_job(composed: "DictConfig") -> float:
     """One job; its validation score is what a search over hyperparameters maximises."""
+    from deepring.cli.sweeps import in_parallel, outcome_noted
+    from deepring.experiment.config import check_config
     from deepring.experiment.sweep import run_job
 
     tune_process()
@@ -93,8 +105,11 @@ def _sweep_job(composed: DictConfig) -> float:
 
 
 @mistakes_reported
-def _train(composed: DictConfig) -> None:
+def _train(composed: "DictConfig") -> None:
+    from deepring.experiment.config import check_config
+
     cfg = check_config(composed)
+    from deepring.experiment.run_folder import is_first_process
     from deepring.experiment.train import train
 
     _keep_lightning_quiet()
@@ -108,9 +123,11 @@ def _train(composed: DictConfig) -> None:
 
 
 @mistakes_reported
-def _evaluate(composed: DictConfig) -> None:
+def _evaluate(composed: "DictConfig") -> None:
+    from deepring.experiment.config import check_config
     from deepring.experiment.evaluate import evaluate
     from deepring.experiment.plan import plan_evaluation
+    from deepring.experiment.run_folder import link_latest, open_run_folder
 
     cfg = check_config(composed)
     folder = run_folder(cfg)
@@ -129,14 +146,16 @@ def _keep_lightning_quiet() -> None:
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
 
 
-def run_folder(cfg: Config) -> Path:
+def run_folder(cfg: "Config") -> Path:
     """The folder that Hydra made for this run, relative to where the command was started."""
     folder = Path(cfg.paths.run)
     return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
 
 
-def show(evaluation: EvaluationSettings, results: list[Result]) -> None:
+def show(evaluation: "EvaluationSettings", results: "list[Result]") -> None:
     """Print the headline table and, below it, Recall@1 by radius."""
+    from deepring.reports.results_table import render, render_radii
+
     over = evaluation.counted_over
     console.print(render(results, evaluation.radii[0], over))
     if len(evaluation.radii) > 1:

@@ -11,15 +11,12 @@ from deepring.experiment.record import record_of
 from deepring.experiment.run_folder import read_config
 from deepring.experiment.status import failure_noted, read_status, sole_worker
 from deepring.experiment.train import train
-from deepring.paper.flat import flatten
+from deepring.paper.flat import INDIFFERENT, flatten
 
 log = logging.getLogger(__name__)
 
-#: What may differ between a run and its going on: where it lies and what it shows.
-IGNORED = re.compile(
-    r"(resume|paths|workers|logger|experiment_name|sweep_name|callbacks\.(progress|learning_rate))"
-    r"(\..*)?|callbacks\..*\.dirpath"
-)
+#: What may differ between a run and its going on.
+_INDIFFERENT = re.compile(INDIFFERENT)
 
 
 def run_job(cfg: Config, folder: Path) -> float | None:
@@ -60,7 +57,7 @@ def _check_same(cfg: Config, path: Path) -> None:
     keys = sorted(
         key
         for key in before.keys() | now.keys()
-        if not IGNORED.fullmatch(key) and before.get(key) != now.get(key)
+        if not _INDIFFERENT.fullmatch(key) and before.get(key) != now.get(key)
     )
     if keys:
         changes = "; ".join(f"{key}: {before.get(key)}, now {now.get(key)}" for key in keys[:5])
