@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from deepring.cli.sweeps import Swept
     from deepring.evaluation.results import Result
-    from deepring.experiment.config import Config, EvaluationSettings
+    from deepring.experiment.config import EvaluationSettings
 
 
 def train_command(arguments: Sequence[str]) -> None:
@@ -100,7 +100,7 @@ def _sweep_job(composed: "DictConfig") -> float:
         if in_parallel():
             silence()
             cfg = replace(cfg, callbacks={**cfg.callbacks, "progress": None})
-        score = run_job(cfg, run_folder(cfg))
+        score = run_job(cfg, run_folder(cfg.paths.run))
     return math.nan if score is None else score
 
 
@@ -113,7 +113,7 @@ def _train(composed: "DictConfig") -> None:
     from deepring.experiment.train import train
 
     _keep_lightning_quiet()
-    trained = train(cfg, run_folder(cfg))
+    trained = train(cfg, run_folder(cfg.paths.run))
     if trained.results:
         show(cfg.evaluation, trained.results)
     if is_first_process():
@@ -130,7 +130,7 @@ def _evaluate(composed: "DictConfig") -> None:
     from deepring.experiment.run_folder import link_latest, open_run_folder
 
     cfg = check_config(composed)
-    folder = run_folder(cfg)
+    folder = run_folder(cfg.paths.run)
     checkpoint = None if cfg.checkpoint is None else Path(cfg.checkpoint)
     plan = plan_evaluation(cfg, checkpoint)
     open_run_folder(plan.record, folder)
@@ -146,9 +146,9 @@ def _keep_lightning_quiet() -> None:
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
 
 
-def run_folder(cfg: "Config") -> Path:
+def run_folder(path: str) -> Path:
     """The folder that Hydra made for this run, relative to where the command was started."""
-    folder = Path(cfg.paths.run)
+    folder = Path(path)
     return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
 
 

@@ -65,7 +65,7 @@ def plan_evaluation(
     if checkpoint is not None:
         network, trained_on, _ = load_network(checkpoint)
         _check_method(cfg.method, network, checkpoint)
-        _say_settings(cfg, network)
+        _say_settings(network, cfg.method, cfg.preprocessing)
         network.to(device)
     fixed = build.fixed_methods(cfg)
     if not fixed and network is None and not after:
@@ -139,16 +139,18 @@ def _check_method(node: dict[str, Any] | None, network: NetworkMethod, checkpoin
     )
 
 
-def _say_settings(cfg: Config, network: NetworkMethod) -> None:
+def _say_settings(
+    network: NetworkMethod, node: dict[str, Any] | None, preprocessing: dict[str, Any]
+) -> None:
     """Say where the checkpoint's settings are others than the config's.
 
     The checkpoint's hold for the network in any case; the other methods take the config's
     preprocessing.
     """
-    if cfg.method is None or network.settings != build.network_settings(cfg.method):
+    if node is None or network.settings != build.network_settings(node):
         log.info("the network is as its checkpoint states: %s", network.settings.to_dict())
     own = network.settings.raster["preprocessing"]
-    others = Preprocessing(**cfg.preprocessing)
+    others = Preprocessing(**preprocessing)
     if Preprocessing(**own) != others:
         log.warning(
             "preprocessing: the network keeps that of its checkpoint, %s; the other methods "

@@ -2,8 +2,10 @@
 
 import logging
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from deepring.errors import DeepringError
 from deepring.experiment.config import Config
@@ -25,11 +27,11 @@ def run_job(cfg: Config, folder: Path) -> float | None:
     A folder with a checkpoint goes on from the last one. Raises DeepringError where the folder
     holds a run of another config, which is left as it is, and where another process is at it.
     """
-    _check_alone(cfg)
+    _check_alone(cfg.trainer)
     with sole_worker(folder):
         kept = folder / "config.yaml"
         if kept.is_file():
-            _check_same(cfg, kept)
+            _check_same(record_of(cfg), kept)
         status = read_status(folder)
         if status is not None and status.state == "finished":
             log.info("finished before: skipped")
@@ -42,8 +44,8 @@ def run_job(cfg: Config, folder: Path) -> float | None:
             return train(cfg, folder, latest=False).score
 
 
-def _check_alone(cfg: Config) -> None:
-    devices, nodes = cfg.trainer["devices"], cfg.trainer["num_nodes"]
+def _check_alone(trainer: Mapping[str, Any]) -> None:
+    devices, nodes = trainer["devices"], trainer["num_nodes"]
     if (devices, nodes) != (1, 1):
         raise DeepringError(
             f"trainer.devices: {devices}, trainer.num_nodes: {nodes}; a sweep gives each job one "
@@ -51,9 +53,9 @@ def _check_alone(cfg: Config) -> None:
         )
 
 
-def _check_same(cfg: Config, path: Path) -> None:
+def _check_same(record: Mapping[str, Any], path: Path) -> None:
     """Refuse a folder whose config is another one."""
-    before, now = flatten(read_config(path)), flatten(record_of(cfg))
+    before, now = flatten(read_config(path)), flatten(record)
     keys = sorted(
         key
         for key in before.keys() | now.keys()
