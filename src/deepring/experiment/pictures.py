@@ -106,5 +106,5 @@ def twin_figure(method: Method, scans: ScanSet, k: int) -> Figure:
 
 def period_of(method: Method) -> float:
     """Degrees after which the method's sinograms repeat themselves."""
-    half = isinstance(method, DeepRing) and method.settings.theta_range == "half"
+    half = isinstance(method, DeepRing) and method.settings.representation.theta_range == "half"
     return 180.0 if half else 360.0

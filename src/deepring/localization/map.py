@@ -72,7 +72,7 @@ class Map:
         if not isinstance(index, CorrelationIndex) or not isinstance(raster, BevRaster):
             raise ConfigError(
                 f"network: {network.settings.label} over a {type(raster).__name__}, compared by "
-                f"{network.settings.similarity}; expected a BevRaster and correlation"
+                f"{network.settings.similarity.kind}; expected a BevRaster and correlation"
             )
         self.network, self.raster, self.index = network.eval(), raster, index
         self.ground_z = checks.number("ground_z", ground_z, "metres")
