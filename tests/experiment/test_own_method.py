@@ -9,7 +9,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from test_train import SMALL
 
-from deepring.errors import ConfigError
+from deepring.errors import FileError
 from deepring.experiment.config import check_config
 from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.train import train
@@ -41,6 +41,6 @@ def test_the_docs_method_trains_from_its_file_and_its_config(tiny_nclt, tmp_path
     trained = train(check_config(composed), tmp_path / "run")
     own_class = sys.modules["mine"].Mine
     assert type(load_network(trained.checkpoint, own_class).method) is own_class
-    with pytest.raises(ConfigError, match=r"'mine\.Mine' is not registered"):
+    with pytest.raises(FileError, match=r"'mine\.Mine' is not registered"):
         load_network(trained.checkpoint)
     assert "Mine" in {r.case.method for r in trained.results}

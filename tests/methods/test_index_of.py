@@ -113,3 +113,21 @@ def test_the_index_finds_what_compare_finds(name):
         symmetry = 2 if name.startswith("ring") else 1
         apart = symmetry * (hits.turn - expected.turn.gather(1, hits.place))
         assert torch.allclose(torch.cos(apart), torch.ones_like(apart))
+
+
+class Halved(Ring):
+    """A user's subclass that compares otherwise."""
+
+    def compare(self, queries, database):
+        score, turn = super().compare(queries, database)
+        return Comparison(score / 2, turn)
+
+
+class Named(Ring):
+    """A user's subclass that compares as its base does."""
+
+
+def test_a_subclass_that_compares_otherwise_does_not_inherit_the_index():
+    arguments = (BevRaster(cells=40), 40, 40)
+    assert type(index_of(Halved(*arguments))) is CompareIndex
+    assert type(index_of(Named(*arguments))) is CorrelationIndex

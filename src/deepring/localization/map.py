@@ -21,8 +21,7 @@ from deepring.localization.map_file import FORMAT, MapHeader, prefixed, under
 from deepring.localization.place_store import PlaceStore
 from deepring.localization.scan_points import expect_scan
 from deepring.methods.deepring import DeepRing
-from deepring.methods.network_file import stored_network
-from deepring.methods.portable import describe_network, weights_of
+from deepring.methods.portable import describe_network, make_network, weights_of
 from deepring.progress import Progress
 from deepring.rasters import BevRaster
 from deepring.search.block_store import axis_of
@@ -209,7 +208,7 @@ class Map:
         file = open_sealed(path, FORMAT, check=check)
         header, tensors = file.header, file.tensors
         with file.contents():
-            network = stored_network(header.network, under("network.", tensors))
+            network = make_network(header.network, under("network.", tensors))
             if not isinstance(network, DeepRing):
                 raise ConfigError(f"network: {network.settings.label}, expected DeepRING")
             settings = (header.search, header.rerank, header.thresholds)

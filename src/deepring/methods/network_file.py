@@ -4,15 +4,11 @@
 do and what it cannot is in docs/model_card.md.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from torch import Tensor
-
-from deepring.errors import ConfigError, DeepringError
 from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
 from deepring.methods.network import NetworkMethod
 from deepring.methods.portable import describe_network, make_network, weights_of
@@ -65,28 +61,8 @@ def read_network(path: Path, own_class: type | str | None = None) -> TrainedNetw
     """
     file = open_sealed(path, FORMAT, check=True)
     with file.contents():
-        method = stored_network(file.header.network, file.tensors, own_class)
+        method = make_network(file.header.network, file.tensors, own_class)
     return TrainedNetwork(method, file.header.trained_on, file.header.loss)
-
-
-def stored_network(
-    described: Mapping[str, Any],
-    weights: Mapping[str, Tensor],
-    own_class: type | str | None = None,
-) -> NetworkMethod:
-    """The network that a file describes, in evaluation mode.
-
-    Raises ConfigError where description and weights are not those of one network.
-    """
-    try:
-        return make_network(described, weights, own_class)
-    except DeepringError:
-        raise
-    except Exception as error:  # settings of other types fail wherever a layer meets them
-        raise ConfigError(
-            "network: settings that no network can be made of; expected those of the network "
-            "that the weights come from"
-        ) from error
 
 
 def shipped_network() -> TrainedNetwork:
