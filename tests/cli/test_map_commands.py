@@ -284,9 +284,9 @@ def test_a_drive_of_ones_own_is_taken_wherever_a_dataset_is(
     # The map is that of the drive as its own reader gives it, but for the sensor's height.
     own, nclt = (Map.open(tmp_path / f"{name}.map") for name in ("own", "nclt"))
     assert len(own) == len(nclt) > 50
-    lifted = nclt.poses.numpy() @ pose_from(np.eye(3), [0, 0, 1.5])
-    np.testing.assert_allclose(own.poses.numpy(), lifted, atol=1e-9)
-    assert (own.images != nclt.images).float().mean() < 0.01  # bytes; heights are rounded
+    lifted = nclt.places.poses @ pose_from(np.eye(3), [0, 0, 1.5])
+    np.testing.assert_allclose(own.places.poses, lifted, atol=1e-9)
+    assert (own.places.tensors()["images"] != nclt.places.tensors()["images"]).float().mean() < 0.01  # bytes; heights are rounded
     some = ["--session", "second", "--every", 30, "--as", "json"]
     done = here("localize", "own.map", "drive.yaml", *some)
     assert done.returncode == 0, done.stderr
