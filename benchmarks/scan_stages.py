@@ -11,12 +11,11 @@ from skimage.transform import radon as skimage_radon
 from timing import Row, timed
 
 from deepring.core.radon import _half_turn, radon
-from deepring.data.cache import RasterCache, ScanSet
+from deepring.data.cache import RasterCache
+from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
-from deepring.rasters.bev import disc_mask
-from deepring.rasters.kinds import BevRaster, ContextRaster, PolarRaster, RangeRaster
-from deepring.rasters.preprocessing import Preprocessing
-from deepring.rasters.scan_bev import scan_to_bev
+from deepring.rasters import BevRaster, ContextRaster, PolarRaster, Preprocessing, RangeRaster
+from deepring.rasters.bev import disc_mask, scan_to_bev
 
 BAND = Preprocessing(height=(1.0, 20.0), clearance=None)
 

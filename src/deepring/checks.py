@@ -112,6 +112,13 @@ def interval(name: str, value: Any, unit: str = "") -> tuple[float, float]:
     return pair
 
 
+def of_type(name: str, value: T, kind: type) -> T:
+    """The value, if it is an instance of ``kind``."""
+    if not isinstance(value, kind):
+        raise ConfigError(f"{name}: a {type(value).__name__}, expected a {kind.__name__}")
+    return value
+
+
 def is_number(value: Any) -> bool:
     """Whether the value is a finite int or float; a bool is none.
 

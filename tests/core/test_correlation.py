@@ -11,14 +11,12 @@ from deepring.core import correlation
 from deepring.core.correlation import (
     circular_cross_correlation,
     correlation_curves,
-    expect_form,
     magnitude_correlation_curves,
     shift_to_turn,
     standardise,
     unit_norm,
 )
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
-from deepring.errors import DeepringError
 
 
 def maps(n, rows, cols, seed):
@@ -77,6 +75,9 @@ def test_normalisations():
     assert torch.allclose(z.square().mean((-2, -1)), torch.ones(3), atol=1e-5)
     u = unit_norm(x)
     assert torch.allclose(circular_cross_correlation(u, u).score.diagonal(), torch.ones(3))
+    for scale in (1e-3, 1e3):  # however small the values are
+        assert torch.allclose(unit_norm(scale * x), u)
+        assert torch.allclose(standardise(scale * x), z, atol=1e-4)
     assert torch.isfinite(standardise(torch.zeros(1, 4, 4))).all()
     assert torch.isfinite(unit_norm(torch.zeros(1, 4, 4))).all()
 
@@ -170,8 +171,3 @@ def test_the_published_form_is_the_same_in_any_blocks(block, monkeypatch):
     assert torch.allclose(magnitude_correlation_curves(queries, database), whole, atol=1e-5)
     assert sum(shapes) == 12
     assert max(shapes) <= max(1, block // 60)
-
-
-def test_other_forms_are_named():
-    with pytest.raises(DeepringError, match=r"ring\.correlation: 'both', expected 'paper'"):
-        expect_form("ring.correlation", "both")

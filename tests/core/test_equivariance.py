@@ -45,3 +45,7 @@ def test_nan_never_passes():
 
 def test_relative_error_is_relative_to_the_expected_side():
     assert relative_error(torch.tensor([3.0]), torch.tensor([2.0])) == pytest.approx(0.5)
+
+
+def test_the_imaginary_part_counts():
+    assert relative_error(torch.tensor([1 + 1j]), torch.tensor([1 - 1j])) == pytest.approx(2**0.5)

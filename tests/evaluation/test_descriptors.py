@@ -13,15 +13,15 @@ from hypothesis.extra import numpy as arrays
 from safetensors.numpy import load_file, save_file
 
 from deepring.errors import DeepringError, FileError
+from deepring.evaluation.case import Case
 from deepring.evaluation.descriptors import (
     Descriptors,
-    Labels,
     file_name,
     free_path,
     read_descriptors,
     write_descriptors,
 )
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 from helpers.sealed_files import rewritten
 
 MADE_BY = {"class": "deepring.methods.ring.Ring", "raster": {"kind": "bev", "height": (0, 1.5)}}
@@ -267,22 +267,22 @@ def test_files_of_earlier_versions_are_refused(path):
 
 
 def test_file_names_tell_method_test_region_and_side():
-    assert file_name(example().labels, "query") == "RING__sim__test__query.safetensors"
-    labels = Labels("Scan Context 20x60", "", "sim_nclt", "../whole")
+    assert file_name(example().case, "query") == "RING__sim__test__query.safetensors"
+    case = Case("Scan Context 20x60", "", "sim_nclt", "../whole")
     expected = "Scan_Context_20x60__sim_nclt___whole__database.safetensors"
-    assert file_name(labels, "database") == expected
+    assert file_name(case, "database") == expected
 
 
-def test_a_file_makes_way_for_one_of_equal_labels_alone(tmp_path):
+def test_a_file_makes_way_for_one_of_the_same_case_alone(tmp_path):
     ours = example(method="Scan Context")
-    path = free_path(tmp_path, ours.labels, "query")
+    path = free_path(tmp_path, ours.case, "query")
     assert path == tmp_path / "Scan_Context__sim__test__query.safetensors"
     write_descriptors(path, ours)
-    assert free_path(tmp_path, ours.labels, "query") == path
+    assert free_path(tmp_path, ours.case, "query") == path
     for changes in ({"method": "Scan/Context"}, {"train": "city"}):
         with pytest.raises(DeepringError, match=r"query\.safetensors: holds the descriptors of"):
-            free_path(tmp_path, replace(ours, **changes).labels, "query")
+            free_path(tmp_path, replace(ours, **changes).case, "query")
     path.write_text("precious")
     with pytest.raises(DeepringError, match=r"or delete it: descriptors are written to this path"):
-        free_path(tmp_path, ours.labels, "query")
+        free_path(tmp_path, ours.case, "query")
     assert path.read_text() == "precious"

@@ -1,1 +1,5 @@
-"""What several test modules need: scenes, drives, bags."""
+"""What several test modules need: scenes, drives, bags, checks of shapes."""
+
+from helpers.shapes import check_shapes
+
+__all__ = ["check_shapes"]

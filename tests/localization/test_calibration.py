@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_map import small_network
 
 from deepring.core.rigid import pose_from, rotation_from_rpy, turn_points
 from deepring.data.readers.nclt import open_nclt
@@ -23,6 +22,7 @@ from deepring.localization.calibration import (
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.map import Map
+from helpers.networks import small_network
 
 
 def trials(fit, ratio, right, nearest=0.0):

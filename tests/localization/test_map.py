@@ -13,16 +13,9 @@ from deepring.errors import DeepringError, FileError
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.map import Map
-from deepring.methods.deepring import DeepRing, DeepRingSettings
-from deepring.rasters.kinds import BevRaster, raster_settings
 from deepring.search.correlation_index import SearchSettings
+from helpers.networks import small_network
 from helpers.sealed_files import parts_of, rewritten
-
-
-def small_network(seed=0, **settings):
-    torch.manual_seed(seed)
-    raster = raster_settings(BevRaster())
-    return DeepRing(DeepRingSettings(raster, pool=2, widths=(4, 8), convolutions=1, **settings))
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
 from deepring.errors import DataError
 from deepring.localization.place_store import PlaceStore
-from deepring.rasters.kinds import BevRaster
+from deepring.rasters import BevRaster
 
 RASTER = BevRaster(cells=9)
 

@@ -1,9 +1,7 @@
 """Poses refined on points: a known transform, misreadings, runaways, and a real pair."""
 
 import math
-import os
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +12,8 @@ from deepring.data.readers.kitti import read_kitti_scan
 from deepring.errors import DeepringError
 from deepring.localization.candidates import RerankSettings, align_candidates
 from deepring.localization.refinement import RefinementSettings, refine, start_of
-from deepring.rasters.kinds import BevRaster
-
-REAL = Path(os.environ.get("DEEPRING_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))
+from deepring.rasters import BevRaster
+from helpers.real_data import real_data
 
 
 def street(seed=0):
@@ -120,13 +117,11 @@ def test_mistakes_are_named(monkeypatch):
         refine(AGAIN, REFERENCE, 0, (0, 0))
 
 
-@pytest.mark.skipif(
-    not (REAL / "kitti08_pair").is_dir(), reason="needs the KITTI 08 pair, 720 and 1500"
-)
 def test_a_real_pair_is_aligned_as_its_points_say():
     """The pair's published poses drift: the registration of the points is the judge."""
     place, query = (
-        read_kitti_scan(REAL / "kitti08_pair" / f"{number}.bin") for number in ("000720", "001500")
+        read_kitti_scan(real_data("kitti08_pair", f"{number}.bin"))
+        for number in ("000720", "001500")
     )
     raster = BevRaster()
     images = [torch.from_numpy(raster(points, -1.73)) for points in (place, query)]

@@ -11,14 +11,8 @@ from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.deepring import NORMALISATIONS, DeepRing, DeepRingSettings
 from deepring.nn.aggregation import AGGREGATIONS
+from deepring.rasters import BevRaster, HeightRaster, PolarRaster, RangeRaster, raster_settings
 from deepring.rasters.bev import disc_mask
-from deepring.rasters.kinds import (
-    BevRaster,
-    ContextRaster,
-    PolarRaster,
-    RangeRaster,
-    raster_settings,
-)
 
 CELLS = 32
 
@@ -165,10 +159,15 @@ def test_describe_leaves_the_mode_and_the_batch_statistics_as_they_are(training)
     assert all(torch.equal(after[name], value) for name, value in before.items())
 
 
-def test_describe_restores_the_mode_after_an_error():
+def test_describe_restores_the_mode_after_an_error(monkeypatch):
     net = network().train()
-    with pytest.raises(DeepringError):
-        net.describe(torch.zeros(2, CELLS, CELLS + 1))
+
+    def fail(_):
+        raise RuntimeError("out of memory")
+
+    monkeypatch.setattr(net, "aggregate", fail)
+    with pytest.raises(RuntimeError, match="out of memory"):
+        net.describe(torch.zeros(2, CELLS, CELLS))
     assert net.training
 
 
@@ -221,14 +220,14 @@ def test_settings_that_do_not_exist_are_named():
         (r"aggregation\.kind: 'max'", {"aggregation": "max"}),
         (r"raster\.kind", {"raster": {"kind": "cubes"}}),
         (r"raster\.kind", {"raster": {}}),
-        ("ContextRaster", {"raster": raster_settings(ContextRaster())}),
+        ("HeightRaster", {"raster": raster_settings(HeightRaster())}),
         (r"representation\.pool: 7", {"pool": 7}),
         (r"representation\.pool: 0", {"pool": 0}),
         (r"representation\.angles: 63", {"angles": 63}),
         (r"encoder\.norm: 'layer'", {"norm": "layer"}),
         (r"encoder\.tau_padding: 'same'", {"tau_padding": "same"}),
-        (r"encoder: widths", {"widths": ()}),
-        (r"convolutions=0", {"convolutions": 0}),
+        (r"encoder\.widths: \[\]", {"widths": ()}),
+        (r"encoder\.convolutions: 0", {"convolutions": 0}),
     ],
 )
 def test_bad_settings_are_named(match, changes):

@@ -15,8 +15,7 @@ from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.disco import Disco, DiscoSettings
-from deepring.rasters.kinds import HeightRaster, PolarRaster, raster_settings
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters import HeightRaster, PolarRaster, Preprocessing, raster_settings
 from helpers.scenes import scattered
 
 RASTER = HeightRaster(
@@ -235,7 +234,7 @@ def test_settings_travel_as_plain_values():
         (r"disco\.aligned: 0", {"aligned": 0}),
         (r"disco\.padding: 'reflect'", {"padding": "reflect"}),
         (r"disco\.widths: \[\]", {"widths": ()}),
-        (r"DiSCO: raster PolarRaster", {"raster": raster_settings(PolarRaster())}),
+        (r"DiSCO: raster: a PolarRaster", {"raster": raster_settings(PolarRaster())}),
     ],
 )
 def test_bad_settings_are_named(message, changes):

@@ -7,9 +7,7 @@ import torch
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
-from deepring.rasters.kinds import raster_settings
-from deepring.rasters.point_rasters import PointsRaster, VoxelRaster
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters import PointsRaster, Preprocessing, VoxelRaster, raster_settings
 from deepring.rasters.voxels import PADDING
 from helpers.scenes import scattered
 
@@ -59,5 +57,5 @@ def test_a_scan_finds_itself_and_knows_no_yaw():
 
 
 def test_another_raster_is_refused_by_name():
-    with pytest.raises(DeepringError, match=r"EgoNN: raster PointsRaster, expected VoxelRaster"):
+    with pytest.raises(DeepringError, match=r"EgoNN: raster: a PointsRaster, expected"):
         EgoNnGlobal(EgoNnSettings(raster=raster_settings(PointsRaster())))

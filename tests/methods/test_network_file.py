@@ -14,7 +14,7 @@ from deepring.methods.network_file import (
     write_network,
 )
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
-from deepring.rasters.kinds import BevRaster, PointsRaster, raster_settings
+from deepring.rasters import BevRaster, PointsRaster, raster_settings
 from helpers.sealed_files import parts_of, rewritten
 
 

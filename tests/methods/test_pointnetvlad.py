@@ -10,8 +10,7 @@ from deepring.core.equivariance import relative_error
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
-from deepring.rasters.kinds import BevRaster, make_raster, raster_settings
-from deepring.rasters.point_rasters import PointsRaster
+from deepring.rasters import BevRaster, PointsRaster, make_raster, raster_settings
 from helpers.scenes import scattered
 
 
@@ -137,7 +136,7 @@ def test_settings_travel_as_plain_values():
 def test_bad_settings_are_named():
     with pytest.raises(DeepringError, match=r"PointNetVLAD settings: .*cluster_size"):
         PointNetVladSettings.from_dict({"cluster_size": 64})
-    with pytest.raises(DeepringError, match=r"PointNetVLAD: raster BevRaster, expected Points"):
+    with pytest.raises(DeepringError, match=r"PointNetVLAD: raster: a BevRaster, expected"):
         PointNetVlad(small(raster=raster_settings(BevRaster())))
     with pytest.raises(DeepringError, match=r"netvlad\.clusters: 0"):
         PointNetVlad(small(clusters=0))

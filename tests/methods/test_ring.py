@@ -11,8 +11,8 @@ from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.ring import Ring
+from deepring.rasters import BevRaster
 from deepring.rasters.bev import bev_occupancy
-from deepring.rasters.kinds import BevRaster
 from helpers.scenes import scattered
 
 STEP = 2 * math.pi / 120
@@ -146,5 +146,5 @@ def test_the_published_correlation_has_the_same_yaw(steps):
 
 
 def test_another_correlation_is_named():
-    with pytest.raises(DeepringError, match=r"ring\.correlation: 'Eq. 8', expected 'paper'"):
+    with pytest.raises(DeepringError, match=r"RING: correlation: 'Eq. 8', expected one of paper"):
         Ring(correlation="Eq. 8")

@@ -13,9 +13,7 @@ from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.ring_plus_plus import RingPlusPlus
-from deepring.rasters.feature_raster import FeatureBevRaster
-from deepring.rasters.kinds import BevRaster
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters import BevRaster, FeatureBevRaster, Preprocessing
 from helpers.scenes import scattered
 
 STEP = 2 * math.pi / 120
@@ -120,7 +118,7 @@ def test_half_a_turn_cannot_be_told():
 
 
 def test_what_does_not_fit_is_named():
-    with pytest.raises(DeepringError, match=r"RING\+\+: raster BevRaster, expected FeatureBev"):
+    with pytest.raises(DeepringError, match=r"RING\+\+: raster: a BevRaster, expected a Fea"):
         RingPlusPlus(BevRaster())
-    with pytest.raises(DeepringError, match=r"ring_plus_plus\.correlation: 'both', expected"):
+    with pytest.raises(DeepringError, match=r"RING\+\+: correlation: 'both', expected"):
         RingPlusPlus(correlation="both")

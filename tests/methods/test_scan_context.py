@@ -12,7 +12,7 @@ from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
 from deepring.methods.base import Method
 from deepring.methods.scan_context import ScanContext
-from deepring.rasters.kinds import ContextRaster
+from deepring.rasters import ContextRaster
 from helpers.scenes import scattered
 
 

@@ -40,7 +40,7 @@ def modular_convolution(x, kernel, sign):
 
 
 @pytest.mark.parametrize("kernel", [1, 3, 5])
-def test_equation_5_by_modular_indices(kernel):
+def test_the_convolution_by_modular_indices(kernel):
     layer, x = make_conv(1, 1, kernel), image(1, 1, 7, 6)
     weight = layer.conv.weight[0, 0].detach()
     # torch correlates: its kernel is the paper's turned by half a turn, learned all the same.

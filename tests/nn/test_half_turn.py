@@ -12,7 +12,7 @@ from deepring.errors import DeepringError
 from deepring.methods.deepring import DeepRing, DeepRingSettings
 from deepring.nn.circular import CircularConv2d, circular_pad, circular_upsample
 from deepring.nn.unet import CircularUNet
-from deepring.rasters.kinds import BevRaster, PolarRaster, raster_settings
+from deepring.rasters import BevRaster, PolarRaster, raster_settings
 
 
 def turned(x, shift):

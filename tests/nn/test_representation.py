@@ -14,8 +14,8 @@ from deepring.core.equivariance import (
 from deepring.core.radon import radon
 from deepring.errors import DeepringError
 from deepring.nn.representation import PolarImage, Sinogram, make_representation
+from deepring.rasters import BevRaster, ContextRaster, HeightRaster, PolarRaster, RangeRaster
 from deepring.rasters.bev import disc_mask
-from deepring.rasters.kinds import BevRaster, ContextRaster, PolarRaster, RangeRaster
 
 
 def bev(cells=40, batch=2):
@@ -92,6 +92,7 @@ def test_polar_images_are_floats_with_the_rows_of_the_raster(pool):
         (BevRaster(cells=40), Sinogram, 48),
         (PolarRaster(24, 10), PolarImage, 24),
         (RangeRaster(36, 8), PolarImage, 36),
+        (ContextRaster(), PolarImage, 60),
     ],
 )
 def test_each_raster_gets_its_representation(raster, kind, rows):
@@ -121,7 +122,7 @@ def test_each_raster_gets_its_representation(raster, kind, rows):
         ("pool", lambda: PolarImage(120, 31, 2)),
         ("angles", lambda: make_representation(PolarRaster(), angles=60, bins=None)),
         ("angles", lambda: make_representation(BevRaster(), angles=None)),
-        ("ContextRaster", lambda: make_representation(ContextRaster())),
+        ("HeightRaster", lambda: make_representation(HeightRaster())),
     ],
 )
 def test_bad_arguments_are_named(match, make):

@@ -7,11 +7,10 @@ import pytest
 
 from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
+from deepring.rasters import FeatureBevRaster, Preprocessing
 from deepring.rasters.bev import bev_occupancy, disc_mask
 from deepring.rasters.downsample import voxel_means
-from deepring.rasters.feature_raster import FeatureBevRaster
 from deepring.rasters.local_features import FEATURES, local_features
-from deepring.rasters.preprocessing import Preprocessing
 from helpers.scenes import scattered
 
 EVERYTHING = Preprocessing(height=(-60.0, 60.0), clearance=None)
@@ -94,10 +93,10 @@ def test_an_empty_scan_and_corners_give_zeros():
 @pytest.mark.parametrize(
     ("values", "complaint"),
     [
-        ({"neighbours": 2}, r"raster\.neighbours: 2, expected at least 3"),
+        ({"neighbours": 2}, r"raster\.neighbours: 2, expected a whole number of at least 3"),
         ({"neighbours": 4.5}, r"raster\.neighbours: 4\.5, expected a whole number"),
-        ({"voxel": 0.0}, r"raster\.voxel: 0\.0, expected a length"),
-        ({"stretch": -1.0}, r"raster\.stretch: -1\.0, expected a factor"),
+        ({"voxel": 0.0}, r"raster\.voxel: 0\.0, expected a number of metres above 0"),
+        ({"stretch": -1.0}, r"raster\.stretch: -1\.0, expected a number above 0"),
         ({"stretch": math.inf}, r"raster\.stretch: inf"),
         ({"cells": 0}, r"raster\.cells: 0"),
         ({"extent": 80.0}, r"preprocessing\.extent: 70 m, but the FeatureBevRaster reaches to 80"),

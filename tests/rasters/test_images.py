@@ -7,10 +7,10 @@ import pytest
 
 from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
+from deepring.rasters import RASTERS, Preprocessing, make_raster, raster_settings
 from deepring.rasters.bev import bev_occupancy, disc_mask
-from deepring.rasters.kinds import RASTERS, make_raster, raster_settings
-from deepring.rasters.polar import polar_gram, scan_context
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters.context import scan_context
+from deepring.rasters.polar import polar_gram
 from deepring.rasters.range_image import range_image
 
 

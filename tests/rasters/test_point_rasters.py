@@ -9,11 +9,10 @@ from hypothesis import strategies as st
 
 from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
+from deepring.rasters import HeightRaster, PointsRaster, Preprocessing, VoxelRaster
 from deepring.rasters.downsample import SURPLUS, fixed_count, spread, voxel_means, voxel_size
-from deepring.rasters.kinds import HeightRaster
-from deepring.rasters.point_rasters import PointsRaster, VoxelRaster
-from deepring.rasters.polar import polar_gram, polar_layers
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters.heights import polar_layers
+from deepring.rasters.polar import polar_gram
 from deepring.rasters.voxels import PADDING, cylindrical_voxels
 from helpers.scenes import scattered
 
@@ -232,7 +231,7 @@ def test_a_turn_of_the_scan_rolls_the_sectors_of_every_layer(steps):
         (r"raster\.ring: 0", lambda: VoxelRaster(ring=0)),
         (r"preprocessing\.extent: 70 m.*VoxelRaster.*80 m", lambda: VoxelRaster(radius=80.0)),
         (r"raster\.layers: 0", lambda: HeightRaster(layers=0)),
-        (r"raster\.height: \[20, 2\]", lambda: HeightRaster(height=(20, 2))),
+        (r"raster\.height: \(20, 2\)", lambda: HeightRaster(height=(20, 2))),
         (r"preprocessing\.extent: 70 m.*HeightRaster.*80 m", lambda: HeightRaster(radius=80.0)),
     ],
 )

@@ -39,17 +39,14 @@ def test_polar_cells_are_those_of_the_exact_angle(sectors):
             s = kernels.exact_sector(y, x, sectors)
             expected[s, ring] = max(expected[s, ring], z)
     found = np.full_like(expected, -np.inf)
-    kernels.polar_highest(points, 70.0, sectors, 30, found)
+    kernels.polar_highest(points.ravel(), 70.0, found)
     assert np.array_equal(found, expected)
     # The polynomial alone would put some of them elsewhere.
-    sector = np.empty(len(points), np.int32)
-    ring, sure = np.empty(len(points), np.int32), np.empty(len(points), np.bool_)
-    lot = points[: kernels._LOT]
-    kernels.sectors_and_rings(lot, 70.0, sectors, 30, sector, ring, sure)
-    n = len(lot)
-    exact = np.array([kernels.exact_sector(y, x, sectors) for x, y, _ in lot])
-    assert (sector[:n][sure[:n]] == exact[sure[:n]]).all()
-    assert (sector[:n][~sure[:n]] != exact[~sure[:n]]).any()
+    xs, ys = (np.ascontiguousarray(points[:, axis]) for axis in (0, 1))
+    sector, sure = kernels.rough_sectors(xs, ys, sectors)
+    exact = np.array([kernels.exact_sector(y, x, sectors) for x, y, _ in points])
+    assert (sector[sure] == exact[sure]).all()
+    assert (sector[~sure] != exact[~sure]).any()
 
 
 def test_range_images_are_those_of_the_exact_angles():
@@ -65,5 +62,5 @@ def test_range_images_are_those_of_the_exact_angles():
             reach = np.float32(math.sqrt(float(flat) * float(flat) + height * height))
             expected[s, row] = min(expected[s, row], reach)
     found = np.full_like(expected, 80.0)
-    kernels.nearest_return(points, 1.8, 120, rows, low, high, found)
+    kernels.nearest_return(points.ravel(), 1.8, low, high, found)
     assert np.allclose(found, expected, atol=1e-4)

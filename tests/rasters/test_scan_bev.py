@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deepring.errors import DeepringError
-from deepring.rasters.bev import bev_occupancy
-from deepring.rasters.preprocessing import Preprocessing
-from deepring.rasters.scan_bev import scan_to_bev
+from deepring.rasters import Preprocessing
+from deepring.rasters.bev import bev_occupancy, scan_to_bev
 
 
 @settings(max_examples=60, deadline=None)

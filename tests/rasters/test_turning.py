@@ -8,9 +8,7 @@ import torch
 
 from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
-from deepring.rasters.kinds import BevRaster, make_raster
-from deepring.rasters.preprocessing import Preprocessing
-from deepring.rasters.turning import sectors_in, turn_rasters
+from deepring.rasters import BevRaster, make_raster
 
 BAND = {"height": (-5.0, 20.0), "clearance": None, "extent": 90.0}
 
@@ -37,11 +35,11 @@ def test_turning_the_raster_is_turning_the_scan(kind, turn):
     if kind == "points":
         values["points"] = {"count": 400}
     made = raster(kind, **values.get(kind, {}))
-    steps = sectors_in(made)
+    steps = made.sectors
     points = scan(60)
     turned = turn_points(points, turn * 2 * math.pi / 60)
     before, after = (torch.from_numpy(made(p, 0.0))[None] for p in (points, turned))
-    found = turn_rasters(made, before, torch.tensor([turn * steps // 60]))[0]
+    found = made.turned(before, torch.tensor([turn * steps // 60]))[0]
     if kind in ("points", "voxels"):  # sets: their order is open
         found, after = (np.array(sorted(map(tuple, x.tolist()))) for x in (found, after[0]))
         tolerance = 2e-3 if kind == "points" else 0
@@ -56,7 +54,7 @@ def test_each_image_is_turned_by_its_own_number():
     made = raster("polar", sectors=12, rings=3)
     images = torch.rand(4, 12, 3)
     shifts = torch.tensor([0, 1, 5, -2])
-    turned = turn_rasters(made, images, shifts)
+    turned = made.turned(images, shifts)
     for image, shift, found in zip(images, shifts.tolist(), turned, strict=True):
         assert torch.equal(found, image.roll(shift, dims=0))
 
@@ -64,7 +62,7 @@ def test_each_image_is_turned_by_its_own_number():
 def test_padding_of_voxels_stays_padding():
     made = raster("voxels", degrees=6.0, max_voxels=1000)
     image = torch.from_numpy(made(scan(60), 0.0))[None]
-    turned = turn_rasters(made, image, torch.tensor([5]))
+    turned = made.turned(image, torch.tensor([5]))
     padding = image[..., 0] == torch.iinfo(torch.int16).min
     assert padding.any()
     assert torch.equal(turned[padding], image[padding])
@@ -73,4 +71,6 @@ def test_padding_of_voxels_stays_padding():
 
 def test_a_bev_cannot_be_turned():
     with pytest.raises(DeepringError, match="BevRaster cannot be turned"):
-        sectors_in(BevRaster(preprocessing=Preprocessing()))
+        _ = BevRaster().sectors
+    with pytest.raises(DeepringError, match="BevRaster cannot be turned, its axes are x, y"):
+        BevRaster().turned(torch.zeros(1, 120, 120), torch.tensor([1]))

@@ -19,8 +19,8 @@ from deepring.search.spectra import (
     best_shift,
     cross_spectra,
     encode,
-    rest_of,
-    spectrum_planes,
+    padded_spectra,
+    tail_norms,
 )
 from helpers.sealed_files import rewritten
 
@@ -96,7 +96,7 @@ def test_compiled_and_torch_forms_agree(precision, rows, cols, k):
         spectra = encode(maps(17, rows, cols, seed), precision)
         assert spectra.values.shape == (17, rows // 2 + 1, 2, -(-cols // LANES) * LANES)
         places.attach(spectra._asdict())
-    planes = spectrum_planes(maps(3, rows, cols, seed=9))
+    planes = padded_spectra(maps(3, rows, cols, seed=9))
     for which in (None, torch.tensor([0, 2, 16, 17, 30])):
         one = compiled(places, planes, rows, k, which)
         other = batched(places, planes, rows, k, which)
@@ -118,15 +118,15 @@ def test_what_the_bound_leaves_out_is_not_among_the_best(rows, seed):
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_what_is_left_of_two_spectra_bounds_what_it_adds(precision):
     rows = 40
-    places, planes = encode(maps(50, rows, 6), precision), spectrum_planes(maps(4, rows, 6, 9))
+    places, planes = encode(maps(50, rows, 6), precision), padded_spectra(maps(4, rows, 6, 9))
     cross = torch.view_as_complex(cross_spectra(planes, places))
     weight = torch.full((rows // 2 + 1,), 2.0 / rows)
     weight[0] = weight[-1] = 1.0 / rows
-    of_queries = rest_of(planes, rows)
-    assert places.rest.shape == (50, 2)  # from frequency 8 and from 16 of 21
+    of_queries = tail_norms(planes, rows)
+    assert places.tails.shape == (50, 2)  # from frequency 8 and from 16 of 21
     for j, first in enumerate((8, 16)):
         added = (cross.abs() * weight)[..., first:].sum(dim=-1)
-        most = of_queries[:, None, j] * places.rest[None, :, j]
+        most = of_queries[:, None, j] * places.tails[None, :, j]
         assert (added <= most * 1.00001).all()
         # Without the first half of it, it would not hold of these: their low frequencies are large.
         whole = (cross.abs() * weight).sum(dim=-1)
@@ -135,7 +135,7 @@ def test_what_is_left_of_two_spectra_bounds_what_it_adds(precision):
 
 def test_best_shift_takes_int8_scales_into_account():
     database = maps(5) * torch.tensor([1.0, 10.0, 100.0, 1e3, 1e-3])[:, None, None]
-    score, _ = best_shift(spectrum_planes(maps(2, seed=3)), encode(database, "int8"), 12)
+    score, _ = best_shift(padded_spectra(maps(2, seed=3)), encode(database, "int8"), 12)
     exact = circular_cross_correlation(maps(2, seed=3), database).score
     assert torch.allclose(score, exact, rtol=1e-2)
 
@@ -261,7 +261,7 @@ def test_mistakes_are_named(tmp_path):
         index.add(maps(5)[0])
     with pytest.raises(DeepringError, match="k: 0"):
         index.search(maps(1), k=0)
-    with pytest.raises(DeepringError, match="keeps no codes"):
+    with pytest.raises(DeepringError, match="stores no codes"):
         index.search(maps(1), exhaustive=False)
     with pytest.raises(DeepringError, match=r"search\.precision: 'float16'"):
         SearchSettings("float16")

@@ -1,10 +1,13 @@
 """The Radon transform as a compiled loop (numba). Imported on first use."""
 
+from typing import no_type_check
+
 import numpy as np
 from numba import njit
 
 
 @njit(cache=True, nogil=True)
+@no_type_check  # numba compiles what is written here, not a wrapper that checks arguments
 def radon(images, cosines, sines, scale, unit, out):
     """Pixel-driven Radon transform of (b, h, h) uint8 or float32 into ``out`` (b, angles, bins).
 
@@ -47,6 +50,7 @@ def radon(images, cosines, sines, scale, unit, out):
 
 
 @njit(cache=True, nogil=True)
+@no_type_check  # numba compiles what is written here, not a wrapper that checks arguments
 def project(xs, ys, cosine, sine, bins, lower, share):
     """The bin below each cell's τ, counted with a spare one at 0, and the share of the bin above.
     Cells off the ends share nothing with a bin."""

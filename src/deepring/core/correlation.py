@@ -1,12 +1,13 @@
 """Circular cross-correlation over θ and its maximum: how alike two places are (paper, Eq. 8)."""
 
 import math
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 import torch
+from jaxtyping import Complex64, Float, Float32, Int64
 from torch import Tensor
 
-from deepring.errors import DeepringError
+from deepring.core import fourier
 
 Form = Literal["paper", "published"]
 """Eq. 8 of the paper, or what the authors' code (lus6-Jenny/RING) correlates by."""
@@ -18,18 +19,26 @@ BLOCK = 2**22
 class Match(NamedTuple):
     """The best alignment of each query with each database entry."""
 
-    score: Tensor
+    score: Float32[Tensor, "*pairs"]
     """(q, d) correlation at the best shift."""
-    shift: Tensor
+    shift: Int64[Tensor, "*pairs"]
     """(q, d) int64, rows: the query is the entry's rows rolled by +shift."""
 
 
-def theta_spectrum(descriptor: Tensor) -> Tensor:
-    """DFT over θ of descriptors (n, θ, ω), complex64 (n, θ // 2 + 1, ω): what a search stores."""
-    return torch.fft.rfft(descriptor.float(), dim=-2)
+def theta_spectrum(
+    descriptor: Float[Tensor, "n theta omega"],
+) -> Complex64[Tensor, "n theta//2+1 omega"]:
+    """DFT over θ of descriptors (n, θ, ω), complex64 (n, θ // 2 + 1, ω): what a search stores.
+
+    >>> theta_spectrum(torch.ones(1, 4, 2))[0, :, 0]
+    tensor([4.+0.j, 0.+0.j, 0.+0.j])
+    """
+    return fourier.rfft(descriptor.float(), dim=-2)
 
 
-def correlation_curves(queries: Tensor, database: Tensor) -> Tensor:
+def correlation_curves(
+    queries: Float[Tensor, "q theta omega"], database: Float[Tensor, "d theta omega"]
+) -> Float32[Tensor, "q d theta"]:
     """C(α) = Σ_θ Σ_ω Q(θ + α, ω) D(θ, ω) for all pairs and shifts: (q, d, θ).
 
     By the correlation theorem: one complex product over ω for each θ-frequency, and one inverse
@@ -38,15 +47,21 @@ def correlation_curves(queries: Tensor, database: Tensor) -> Tensor:
     Args:
         queries: (q, θ, ω) real.
         database: (d, θ, ω) real.
+
+    >>> place = torch.tensor([[[2.0], [1.0], [0.0], [0.0]]])
+    >>> correlation_curves(place.roll(1, dims=-2), place).round().int().tolist()
+    [[[2, 5, 2, 0]]]
     """
     rows = queries.shape[-2]
     q = theta_spectrum(queries).permute(1, 0, 2)
     d = theta_spectrum(database).permute(1, 2, 0)
     cross = torch.bmm(q, d.conj())
-    return torch.fft.irfft(cross.permute(1, 2, 0), n=rows, dim=-1)
+    return fourier.irfft(cross.permute(1, 2, 0), n=rows, dim=-1)
 
 
-def magnitude_correlation_curves(queries: Tensor, database: Tensor) -> Tensor:
+def magnitude_correlation_curves(
+    queries: Float[Tensor, "q theta omega"], database: Float[Tensor, "d theta omega"]
+) -> Float32[Tensor, "q d theta"]:
     """C(α) = Σ_ω |Σ_θ Q(θ + α, ω) D(θ, ω)| for all pairs and shifts: (q, d, θ), at least 0.
 
     So `fast_corr` and `circorr2` of the published code (lus6-Jenny/RING): the inverse transform
@@ -62,50 +77,73 @@ def magnitude_correlation_curves(queries: Tensor, database: Tensor) -> Tensor:
     Args:
         queries: (q, θ, ω) real.
         database: (d, θ, ω) real.
+
+    >>> place = torch.tensor([[[2.0], [-1.0], [0.0], [0.0]]])
+    >>> magnitude_correlation_curves(place, place).round().int().tolist()
+    [[[5, 2, 0, 2]]]
     """
     rows, width = queries.shape[-2:]
     pairs = max(1, BLOCK // (rows * width))
     entries = torch.split(theta_spectrum(database).conj(), pairs)
     few = torch.split(theta_spectrum(queries), max(1, pairs // max(1, len(database))))
 
-    def curves(q: Tensor, d: Tensor) -> Tensor:
-        return torch.fft.irfft(q[:, None] * d, n=rows, dim=-2).abs().sum(dim=-1)
+    def curves(
+        q: Complex64[Tensor, "q frequency omega"], d: Complex64[Tensor, "d frequency omega"]
+    ) -> Float32[Tensor, "q d theta"]:
+        return fourier.irfft(q[:, None] * d, n=rows, dim=-2).abs().sum(dim=-1)
 
     return torch.cat([torch.cat([curves(q, d) for d in entries], dim=1) for q in few])
 
 
-def circular_cross_correlation(queries: Tensor, database: Tensor, form: Form = "paper") -> Match:
-    """The largest correlation over all circular shifts, and that shift, for all pairs (q, d)."""
+def circular_cross_correlation(
+    queries: Float[Tensor, "q theta omega"],
+    database: Float[Tensor, "d theta omega"],
+    form: Form = "paper",
+) -> Match:
+    """The largest correlation over all circular shifts, and that shift, for all pairs (q, d).
+
+    >>> place = torch.tensor([[[2.0], [1.0], [0.0], [0.0]]])
+    >>> circular_cross_correlation(place.roll(1, dims=-2), place).shift
+    tensor([[1]])
+    """
     curves = correlation_curves if form == "paper" else magnitude_correlation_curves
     return Match(*curves(queries, database).max(dim=-1))
 
 
-def expect_form(name: str, form: str) -> None:
-    """Raise DeepringError where ``form`` is no `Form`."""
-    if form not in get_args(Form):
-        raise DeepringError(
-            f"{name}: {form!r}, expected 'paper', which is Eq. 8, or 'published', which is the "
-            "authors' code"
-        )
-
-
-def shift_to_turn(shift: Tensor, rows: int, period: float = 2 * math.pi) -> Tensor:
+def shift_to_turn(
+    shift: Int64[Tensor, "*pairs"], rows: int, period: float = 2 * math.pi
+) -> Float32[Tensor, "*pairs"]:
     """Rows to the turn of the points, radians in [-period/2, period/2): entry -> query.
 
     Counter-clockwise. ``period`` is the range of θ that the rows span.
+
+    >>> shift_to_turn(torch.tensor([0, 1, 3]), rows=4)
+    tensor([ 0.0000,  1.5708, -1.5708])
     """
     turn = shift.to(torch.float32) * (period / rows)
     return torch.remainder(turn + period / 2, period) - period / 2
 
 
-def standardise(descriptor: Tensor) -> Tensor:
-    """Zero mean and unit deviation over each map's last two axes; correlations are then sums."""
+def standardise(
+    descriptor: Float[Tensor, "*batch theta omega"],
+) -> Float[Tensor, "*batch theta omega"]:
+    """Zero mean and unit deviation over each map's last two axes; correlations are then sums.
+
+    >>> standardise(torch.tensor([[1.0, 3.0]]))
+    tensor([[-1.,  1.]])
+    """
     centred = descriptor - descriptor.mean(dim=(-2, -1), keepdim=True)
     deviation = centred.square().mean(dim=(-2, -1), keepdim=True).sqrt()
     return centred / deviation.clamp_min(1e-12)
 
 
-def unit_norm(descriptor: Tensor) -> Tensor:
-    """Unit Euclidean norm over each map's last two axes; correlations lie in [-1, 1]."""
+def unit_norm(
+    descriptor: Float[Tensor, "*batch theta omega"],
+) -> Float[Tensor, "*batch theta omega"]:
+    """Unit Euclidean norm over each map's last two axes; correlations lie in [-1, 1].
+
+    >>> unit_norm(torch.tensor([[3.0, 4.0]]))
+    tensor([[0.6000, 0.8000]])
+    """
     norm = descriptor.square().sum(dim=(-2, -1), keepdim=True).sqrt()
     return descriptor / norm.clamp_min(1e-12)

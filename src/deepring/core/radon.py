@@ -1,5 +1,6 @@
-"""The Radon transform of an image: its sinogram R_f(θ, τ) (paper, Eq. 1).
+"""The Radon transform of an image: its sinogram R_f(θ, τ) (paper, Eq. 1 to 3).
 
+By Eq. 2 a turn of the image shifts θ, by Eq. 3 a translation shifts each row along τ.
 Pixel-driven with linear interpolation: every occupied cell is projected to
 τ = x cos θ + y sin θ and shared between the two nearest τ bins. The cost grows with the
 occupied cells only. θ = 2π k / angles without the end point; τ bins are centred on zero.
@@ -7,31 +8,27 @@ occupied cells only. θ = 2π k / angles without the end point; τ bins are cent
 
 import math
 from functools import lru_cache
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 import torch
+from jaxtyping import Float, Float32, Shaped
 from torch import Tensor
 
-from deepring.errors import DeepringError
+from deepring import checks
+from deepring.errors import ConfigError, DataError
 
 ThetaRange = Literal["full", "half"]
 """The range of θ: [0, 2π), or [0, π), beyond which R(θ + π, τ) = R(θ, -τ) repeats flipped."""
 
 
-def expect_theta_range(name: str, theta_range: str) -> None:
-    """Raise DeepringError where ``theta_range`` is no `Turn`."""
-    if theta_range not in get_args(ThetaRange):
-        raise DeepringError(f"{name}: {theta_range!r}, expected 'full' or 'half'")
-
-
 def radon(
-    image: Tensor,
+    image: Shaped[Tensor, "..."],
     angles: int = 120,
     bins: int | None = None,
     extent: float = 1.0,
     theta_range: ThetaRange = "full",
-) -> Tensor:
+) -> Float32[Tensor, "*batch {angles} tau"]:
     """Sinogram (..., angles, bins) float32 of images (..., n, n) indexed [x, y].
 
     Values are line integrals in the unit of ``extent`` (half the image's side). A turn of the
@@ -49,12 +46,24 @@ def radon(
         theta_range: θ over [0, 2π), 'full', or over [0, π), 'half', in equal steps without the end
             point. Over half a turn a turn of the image by +π k / angles shifts the rows by +k,
             and those that pass the end come back flipped in τ.
+
+    Raises:
+        DataError: images that are not square.
+        ConfigError: another theta_range, or a number of angles that cannot be had.
+
+    >>> image = torch.zeros(4, 4)
+    >>> image[3, 0] = 1.0  # x forward, y to the right
+    >>> radon(image, angles=4)
+    tensor([[0.0000, 0.0000, 0.0000, 0.5000],
+            [0.5000, 0.0000, 0.0000, 0.0000],
+            [0.5000, 0.0000, 0.0000, 0.0000],
+            [0.0000, 0.0000, 0.0000, 0.5000]])
     """
     if image.ndim < 2 or image.shape[-1] != image.shape[-2]:
-        raise DeepringError(f"radon: image of shape {tuple(image.shape)}, expected (..., n, n)")
-    expect_theta_range("radon: theta_range", theta_range)
-    if angles < 1 or (theta_range == "full" and angles % 2):
-        raise DeepringError(f"radon: angles={angles}, expected an even number of at least 2")
+        raise DataError(f"radon: image of shape {tuple(image.shape)}, expected (..., n, n)")
+    checks.one_of("radon.theta_range", theta_range, ThetaRange)
+    if checks.count("radon.angles", angles) % 2 and theta_range == "full":
+        raise ConfigError(f"radon.angles: {angles}, expected an even number over a full turn")
     count = angles // 2 if theta_range == "full" else angles
     size = image.shape[-1]
     bins = size if bins is None else bins
@@ -71,13 +80,15 @@ def radon(
 
 @lru_cache
 @torch.inference_mode(False)
-def _directions(count: int) -> tuple[Tensor, Tensor]:
+def _directions(count: int) -> tuple[Float32[Tensor, " {count}"], Float32[Tensor, " {count}"]]:
     """Cosines and sines of ``count`` angles over half a turn, in float64 before rounding."""
     theta = torch.arange(count, dtype=torch.float64) * (math.pi / count)
     return torch.cos(theta).float(), torch.sin(theta).float()
 
 
-def _compiled(batch: Tensor, count: int, angles: int, bins: int, unit: float) -> Tensor:
+def _compiled(
+    batch: Shaped[Tensor, "batch n n"], count: int, angles: int, bins: int, unit: float
+) -> Float32[Tensor, "batch {angles} {bins}"]:
     from deepring.core import _radon_kernel
 
     cosines, sines = (direction.numpy() for direction in _directions(count))
@@ -90,7 +101,9 @@ def _compiled(batch: Tensor, count: int, angles: int, bins: int, unit: float) ->
     return out
 
 
-def _half_turn(batch: Tensor, count: int, bins: int) -> Tensor:
+def _half_turn(
+    batch: Float[Tensor, "batch n n"], count: int, bins: int
+) -> Float[Tensor, "batch {count} {bins}"]:
     """The same in plain torch: one scatter_add of all occupied cells and angles."""
     size, scale = batch.shape[-1], bins / batch.shape[-1]
     b, i, j = batch.detach().nonzero(as_tuple=True)

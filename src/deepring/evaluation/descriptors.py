@@ -3,7 +3,6 @@
 One sealed file per side, with all that is known of how its descriptors were made.
 """
 
-import re
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from deepring import checks
 from deepring.errors import ConfigError, DataError, FileError
+from deepring.evaluation.case import Case
 from deepring.evaluation.fingerprint import as_read_back
 from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
 from deepring.io.tensor_types import TensorType, check_tensors
@@ -33,18 +33,8 @@ _TEXTS = ("method", "train", "test", "region", "session")
 
 
 @dataclass(frozen=True)
-class Labels:
-    """What descriptors and rows of results are about: the first columns of `Result`."""
-
-    method: str
-    train: str
-    test: str
-    region: str
-
-
-@dataclass(frozen=True)
 class DescriptorHeader:
-    """All that is known of the descriptors of one side of a retrieval set."""
+    """All that is known of the descriptors of one side of a retrieval task."""
 
     method: str
     """Its label in tables."""
@@ -62,9 +52,9 @@ class DescriptorHeader:
     """From points to descriptor, measured on the queries when these were exported."""
 
     @property
-    def labels(self) -> Labels:
+    def case(self) -> Case:
         """What they are about."""
-        return Labels(self.method, self.train, self.test, self.region)
+        return Case(self.method, self.train, self.test, self.region)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,27 +125,26 @@ FORMAT = SealedFormat(
 )
 
 
-def file_name(labels: Labels, side: SideName) -> str:
-    """'Scan_Context_20x60__sim_nclt__test__query.safetensors': as `Retrievals` are named."""
-    parts = (labels.method, labels.test, labels.region)
-    return "__".join([*(re.sub(r"[^A-Za-z0-9_-]+", "_", part) for part in parts), side]) + ENDING
+def file_name(case: Case, side: SideName) -> str:
+    """'Scan_Context_20x60__sim_nclt__test__query.safetensors': as files of matches are named."""
+    return case.file_name(f"__{side}{ENDING}")
 
 
-def free_path(folder: Path, labels: Labels, side: SideName) -> Path:
-    """Where a side is written in a folder: to a new file, or in place of one of equal labels.
+def free_path(folder: Path, case: Case, side: SideName) -> Path:
+    """Where a side is written in a folder: to a new file, or in place of one of an equal case.
 
     Raises FileError where the file is there and holds something else.
     """
-    path = folder / file_name(labels, side)
+    path = folder / file_name(case, side)
     if not path.exists():
         return path
     try:
-        present = read_descriptors(path).labels
+        present = read_descriptors(path).case
     except FileError as error:
         raise FileError(f"{error}; or delete it: descriptors are written to this path") from None
-    if present != labels:
+    if present != case:
         raise FileError(
-            f"{path}: holds the descriptors of {vars(present)}, expected those of {vars(labels)}; "
+            f"{path}: holds the descriptors of {present}, expected those of {case}; "
             "give the methods labels that differ in letters or digits, or delete the file"
         )
     return path

@@ -10,15 +10,15 @@ from omegaconf.errors import OmegaConfBaseException
 
 from deepring.checks import one_of
 from deepring.data.dataset import DatasetConfig
+from deepring.data.readers import reader_names
 from deepring.errors import DeepringError
 from deepring.evaluation.metrics import Over
 from deepring.localization.candidates import Rerank
-from deepring.training.episodes import EpisodeSettings
 
 
 @dataclass
 class PreprocessingConfig:
-    """See `deepring.rasters.preprocessing.Preprocessing`."""
+    """See `deepring.rasters.Preprocessing`."""
 
     height: tuple[float, float] = (-5.0, 20.0)
     clearance: float | None = 0.5
@@ -89,11 +89,8 @@ class PathsConfig:
     outputs: str = "outputs"
     datasets: str = "outputs/datasets"
     cache: str = "outputs/cache"
-    #: Where downloads lie, for all runs of a sweep; data.root of one dataset where not given.
-    nclt: str = "???"
-    mulran: str = "???"
-    kitti: str = "???"
-    own: str = "???"
+    #: Where downloads lie, by reader, for all runs of a sweep; data.root of one otherwise.
+    roots: dict[str, str] = field(default_factory=lambda: dict.fromkeys(reader_names(), "???"))
     #: This run's own folder, which Hydra makes.
     run: str = "???"
 
@@ -118,9 +115,8 @@ class Config:
     encoder: EncoderConfig | None = None
     aggregation: AggregationConfig | None = None
     similarity: SimilarityConfig | None = None
-    #: How training batches are drawn: episodes, or what `drawing` makes.
-    episode: EpisodeSettings | None = None
-    drawing: Any = None
+    #: The training scheme, see `deepring.training.scheme`, and how its batches are drawn.
+    sampling: Any = None
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
     paths: PathsConfig = field(default_factory=PathsConfig)
     # Built by hydra's instantiate, which checks their arguments.
@@ -132,7 +128,7 @@ class Config:
     logger: Any = None
     #: Methods evaluated besides.
     methods: dict[str, Any] = field(default_factory=dict)
-    #: Processes that draw episodes.
+    #: Processes that draw training batches.
     workers: int = 0
     #: Evaluate the best checkpoint at the end of training.
     evaluate: bool = True
@@ -184,7 +180,7 @@ def check_config(composed: DictConfig) -> Config:
         # Once more over the schema, since +KEY=VALUE adds what it does not know.
         checked = OmegaConf.merge(OmegaConf.structured(Config), plain)
         # A download's folder is missed where a dataset lies in it, not otherwise.
-        missing = {k for k in OmegaConf.missing_keys(checked) if k.rpartition(".")[0] != "paths"}
+        missing = {k for k in OmegaConf.missing_keys(checked) if not k.startswith("paths.")}
     except OmegaConfBaseException as error:
         key = getattr(error, "full_key", None)
         first = str(error).splitlines()[0]

@@ -11,7 +11,6 @@ from torch import Tensor
 
 from deepring import checks
 from deepring.core.rigid import yaw_after_turn
-from deepring.data.cache import Progress
 from deepring.data.session import Session
 from deepring.data.spacing import sample_by_distance
 from deepring.errors import ConfigError, DataError
@@ -22,10 +21,10 @@ from deepring.localization.map_file import FORMAT, MapHeader, prefixed, under
 from deepring.localization.place_store import PlaceStore
 from deepring.localization.scan_points import expect_scan
 from deepring.methods.deepring import DeepRing
-from deepring.methods.index_for import index_for
 from deepring.methods.network_file import stored_network
 from deepring.methods.portable import describe_network, weights_of
-from deepring.rasters.kinds import BevRaster
+from deepring.progress import Progress
+from deepring.rasters import BevRaster
 from deepring.search.block_store import axis_of
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
 
@@ -68,7 +67,7 @@ class Map:
         rerank: RerankSettings | None = None,
         thresholds: AcceptanceThresholds | None = None,
     ) -> None:
-        index = index_for(network, search or SearchSettings("int8"))
+        index = network.index(search or SearchSettings("int8"))
         raster = network.raster
         if not isinstance(index, CorrelationIndex) or not isinstance(raster, BevRaster):
             raise ConfigError(

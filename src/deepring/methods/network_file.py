@@ -58,24 +58,28 @@ def write_network(path: Path, network: TrainedNetwork) -> None:
     write_sealed(path, FORMAT, header, weights_of(network.method))
 
 
-def read_network(path: Path) -> TrainedNetwork:
-    """Read what `write_network` wrote, every byte verified.
+def read_network(path: Path, own_class: type | str | None = None) -> TrainedNetwork:
+    """Read what `write_network` wrote, every byte verified; ``own_class`` as in `make_network`.
 
     Raises FileError for anything else.
     """
     file = open_sealed(path, FORMAT, check=True)
     with file.contents():
-        method = stored_network(file.header.network, file.tensors)
+        method = stored_network(file.header.network, file.tensors, own_class)
     return TrainedNetwork(method, file.header.trained_on, file.header.loss)
 
 
-def stored_network(described: Mapping[str, Any], weights: Mapping[str, Tensor]) -> NetworkMethod:
+def stored_network(
+    described: Mapping[str, Any],
+    weights: Mapping[str, Tensor],
+    own_class: type | str | None = None,
+) -> NetworkMethod:
     """The network that a file describes, in evaluation mode.
 
     Raises ConfigError where description and weights are not those of one network.
     """
     try:
-        return make_network(described, weights)
+        return make_network(described, weights, own_class)
     except DeepringError:
         raise
     except Exception as error:  # settings of other types fail wherever a layer meets them

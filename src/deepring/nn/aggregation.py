@@ -5,28 +5,37 @@ Each takes E_f (b, c, θ, τ) and gives (b, θ, m), one row of features for each
 
 from collections.abc import Callable
 
+from jaxtyping import Float
 from torch import Tensor
 
 from deepring.core.spectrum import column_dft_magnitude, row_dft_magnitude
 
 
-def dft(feature: Tensor) -> Tensor:
+def dft(
+    feature: Float[Tensor, "batch channel theta tau"],
+) -> Float[Tensor, "batch theta value"]:
     """Row-wise DFT magnitude: translation leaves with the phase."""
     magnitude = row_dft_magnitude(feature)
     return magnitude.transpose(1, 2).flatten(2)
 
 
-def dft2(feature: Tensor) -> Tensor:
+def dft2(
+    feature: Float[Tensor, "batch channel theta tau"],
+) -> Float[Tensor, "batch theta value"]:
     """A second DFT magnitude, along θ: rotation leaves too, and no row has a direction any more."""
     return column_dft_magnitude(dft(feature))
 
 
-def gap(feature: Tensor) -> Tensor:
+def gap(
+    feature: Float[Tensor, "batch channel theta tau"],
+) -> Float[Tensor, "batch theta channel"]:
     """Global average over τ, one value a channel."""
     return feature.mean(dim=-1).transpose(1, 2)
 
 
-def gmp(feature: Tensor) -> Tensor:
+def gmp(
+    feature: Float[Tensor, "batch channel theta tau"],
+) -> Float[Tensor, "batch theta channel"]:
     """Global maximum over τ, one value a channel."""
     return feature.amax(dim=-1).transpose(1, 2)
 

@@ -9,18 +9,23 @@ from typing import Any, Literal
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Float
 from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
-from deepring.core.radon import ThetaRange, expect_theta_range
-from deepring.errors import DeepringError
+from deepring import checks
+from deepring.core.radon import ThetaRange
+from deepring.errors import ConfigError
 
 TauPadding = Literal["circular", "zero"]
 
 
 def circular_pad(
-    x: Tensor, pad: int, tau: TauPadding = "circular", theta_range: ThetaRange = "full"
-) -> Tensor:
+    x: Float[Tensor, "batch channel theta tau"],
+    pad: int,
+    tau: TauPadding = "circular",
+    theta_range: ThetaRange = "full",
+) -> Float[Tensor, "batch channel theta+2*{pad} tau+2*{pad}"]:
     """Pad (b, c, θ, τ) by ``pad`` on every side: θ always wraps, τ wraps or takes zeros."""
     padded: Tensor = _CircularPad.apply(x, pad, tau, theta_range)  # type: ignore[no-untyped-call]
     return padded
@@ -64,7 +69,9 @@ class _CircularPad(torch.autograd.Function):
         return out, None, None, None
 
 
-def _beyond(rows: Tensor, theta_range: ThetaRange) -> Tensor:
+def _beyond(
+    rows: Float[Tensor, "*batch rows tau"], theta_range: ThetaRange
+) -> Float[Tensor, "*batch rows tau"]:
     """What the rows look like past the end of θ: the same, or over half a turn flipped in τ."""
     return rows if theta_range == "full" else rows.flip(-1)
 
@@ -87,16 +94,17 @@ class CircularConv2d(nn.Module):
         bias: bool = True,
     ) -> None:
         super().__init__()
-        if kernel < 1 or kernel % 2 == 0:
-            raise DeepringError(f"encoder.kernel: {kernel}, expected an odd number, at least 1")
-        if tau not in ("circular", "zero"):
-            raise DeepringError(f"encoder.tau_padding: {tau!r}, expected 'circular' or 'zero'")
-        expect_theta_range("representation.theta_range", theta_range)
+        if checks.count("encoder.kernel", kernel) % 2 == 0:
+            raise ConfigError(f"encoder.kernel: {kernel}, expected an odd number")
+        checks.one_of("encoder.tau_padding", tau, TauPadding)
+        checks.one_of("representation.theta_range", theta_range, ThetaRange)
         self.tau, self.theta_range = tau, theta_range
         self.pad = kernel // 2
         self.conv = nn.Conv2d(in_channels, out_channels, kernel, bias=bias)
 
-    def forward(self, x: Tensor) -> Tensor:
+    def forward(
+        self, x: Float[Tensor, "batch channel theta tau"]
+    ) -> Float[Tensor, "batch {self.conv.out_channels} theta tau"]:
         """Convolve with wrapped borders."""
         if self.pad:
             x = circular_pad(x, self.pad, self.tau, self.theta_range)
@@ -107,8 +115,10 @@ class CircularConv2d(nn.Module):
 
 
 def circular_upsample(
-    x: Tensor, tau: TauPadding = "circular", theta_range: ThetaRange = "full"
-) -> Tensor:
+    x: Float[Tensor, "batch channel theta tau"],
+    tau: TauPadding = "circular",
+    theta_range: ThetaRange = "full",
+) -> Float[Tensor, "batch channel 2*theta 2*tau"]:
     """Bilinear doubling of θ and τ that wraps: (b, c, θ, τ) -> (b, c, 2θ, 2τ).
 
     torch's own interpolation clamps at the borders, which breaks the shift equivariance there.
@@ -125,7 +135,7 @@ def circular_upsample(
 
 @lru_cache
 @torch.inference_mode(False)  # kept for later, perhaps for training
-def _doubling(n: int, wraps: bool) -> Tensor:
+def _doubling(n: int, wraps: bool) -> Float[Tensor, "2*{n} {n}"]:
     """(2n, n): samples 2k and 2k + 1 are 3/4 of sample k and 1/4 of its neighbour to that side.
 
     At the ends the neighbour is the one at the other end, or the sample itself.

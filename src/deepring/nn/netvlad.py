@@ -6,9 +6,10 @@ Miech et al. (LOUPE, 2017) as PointNetVLAD uses them (mikacuy/pointnetvlad, loup
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Float
 from torch import Tensor, nn
 
-from deepring.errors import DeepringError
+from deepring import checks
 
 
 class ContextGating(nn.Module):
@@ -19,7 +20,7 @@ class ContextGating(nn.Module):
         self.weight = nn.Parameter(torch.randn(dimension, dimension) / dimension**0.5)
         self.norm = nn.BatchNorm1d(dimension)
 
-    def forward(self, x: Tensor) -> Tensor:
+    def forward(self, x: Float[Tensor, "batch value"]) -> Float[Tensor, "batch value"]:
         """Gate x."""
         return x * torch.sigmoid(self.norm(x @ self.weight))
 
@@ -47,8 +48,7 @@ class NetVlad(nn.Module):
             ("clusters", clusters),
             ("dimension", dimension),
         ):
-            if value < 1:
-                raise DeepringError(f"netvlad.{name}: {value}, expected at least 1")
+            checks.count(f"netvlad.{name}", value)
         self.assignment = nn.Parameter(torch.randn(features, clusters) / features**0.5)
         self.assignment_norm = nn.BatchNorm1d(clusters)
         self.centres = nn.Parameter(torch.randn(clusters, features) / features**0.5)
@@ -56,7 +56,9 @@ class NetVlad(nn.Module):
         self.projection_norm = nn.BatchNorm1d(dimension)
         self.gate = ContextGating(dimension) if gating else nn.Identity()
 
-    def residuals(self, x: Tensor) -> Tensor:
+    def residuals(
+        self, x: Float[Tensor, "batch n feature"]
+    ) -> Float[Tensor, "batch cluster feature"]:
         """V_k = Σ_i a_k(x_i) (x_i - c_k), intra-normalised, then at unit norm: (b, clusters, f).
 
         a_k(x) is the softmax over k of BN(x W). Each V_k has norm 1 before the whole gets it, or
@@ -67,7 +69,7 @@ class NetVlad(nn.Module):
         vlad = share.transpose(1, 2) @ x - share.sum(dim=1).unsqueeze(-1) * self.centres
         return F.normalize(F.normalize(vlad, dim=2).flatten(1), dim=1).view_as(vlad)
 
-    def forward(self, x: Tensor) -> Tensor:
+    def forward(self, x: Float[Tensor, "batch n feature"]) -> Float[Tensor, "batch value"]:
         """Vectors (b, dimension) of features (b, n, f)."""
         vector = self.residuals(x).flatten(1) @ self.projection
         return self.gate(self.projection_norm(vector))

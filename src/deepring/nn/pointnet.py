@@ -8,9 +8,10 @@ take them.
 from collections.abc import Sequence
 
 import torch
+from jaxtyping import Float, Shaped
 from torch import Tensor, nn
 
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError, DataError
 
 
 class SharedMlp(nn.Sequential):
@@ -61,7 +62,9 @@ class TransformNet(nn.Module):
         self.identity: Tensor
         self.register_buffer("identity", torch.eye(channels), persistent=False)
 
-    def forward(self, x: Tensor) -> Tensor:
+    def forward(
+        self, x: Float[Tensor, "batch channel n"]
+    ) -> Float[Tensor, "batch channel channel"]:
         """Matrices T of the clouds x; points are rows, so that aligned they are x^T T."""
         change = self.last(self.whole(self.shared(x).amax(dim=-1)))
         return change.view(-1, *self.identity.shape) + self.identity
@@ -97,7 +100,7 @@ class PointFeatures(nn.Module):
             ("transform_hidden", transform_hidden),
         ):
             if not widths or min(widths) < 1:
-                raise DeepringError(
+                raise ConfigError(
                     f"pointnet.{name}: {list(widths)}, expected at least one width, each above 0"
                 )
         self.align_points = TransformNet(3, transform_widths, transform_hidden)
@@ -105,16 +108,18 @@ class PointFeatures(nn.Module):
         self.align_features = TransformNet(first[-1], transform_widths, transform_hidden)
         self.second = SharedMlp(first[-1], second)
 
-    def forward(self, points: Tensor) -> Tensor:
-        """Features of points (b, n, 3). Raises DeepringError on another shape."""
+    def forward(self, points: Shaped[Tensor, "..."]) -> Float[Tensor, "batch n feature"]:
+        """Features of points (b, n, 3). Raises DataError on another shape."""
         if points.dim() != 3 or points.shape[-1] != 3:
-            raise DeepringError(f"points: shape {tuple(points.shape)}, expected (b, n, 3)")
+            raise DataError(f"points: shape {tuple(points.shape)}, expected (b, n, 3)")
         x = points.transpose(1, 2)
         x = self.first(_apply(self.align_points(x), x))
         x = self.second(_apply(self.align_features(x), x))
         return x.transpose(1, 2)
 
 
-def _apply(transform: Tensor, x: Tensor) -> Tensor:
+def _apply(
+    transform: Float[Tensor, "batch channel channel"], x: Float[Tensor, "batch channel n"]
+) -> Float[Tensor, "batch channel n"]:
     """x^T T, transposed back: (b, c, c) and (b, c, n) -> (b, c, n)."""
     return torch.bmm(transform.transpose(1, 2), x)

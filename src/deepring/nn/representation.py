@@ -2,11 +2,13 @@
 representations. They have no parameters; they run where the batch lies, CPU or GPU."""
 
 import torch.nn.functional as F
+from jaxtyping import Float32, Shaped
 from torch import Tensor, nn
 
-from deepring.core.radon import ThetaRange, expect_theta_range, radon
-from deepring.errors import DeepringError
-from deepring.rasters.kinds import BevRaster, PolarRaster, RangeRaster, Raster
+from deepring import checks
+from deepring.core.radon import ThetaRange, radon
+from deepring.errors import ConfigError
+from deepring.rasters import Raster
 
 
 class Sinogram(nn.Module):
@@ -21,11 +23,11 @@ class Sinogram(nn.Module):
         self, angles: int = 120, bins: int = 120, pool: int = 1, theta_range: ThetaRange = "full"
     ) -> None:
         super().__init__()
-        expect_theta_range("representation.theta_range", theta_range)
-        if angles < 2 or angles % 2:
-            raise DeepringError(f"representation.angles: {angles}, expected an even number")
+        checks.one_of("representation.theta_range", theta_range, ThetaRange)
+        if checks.count("representation.angles", angles) % 2:
+            raise ConfigError(f"representation.angles: {angles}, expected an even number")
         if pool < 1 or angles % pool or bins % pool:
-            raise DeepringError(
+            raise ConfigError(
                 f"representation.pool: {pool}, expected a divisor of "
                 f"angles={angles} and bins={bins}"
             )
@@ -41,7 +43,9 @@ class Sinogram(nn.Module):
         """Bins of τ."""
         return self.bins // self.pool
 
-    def forward(self, raster: Tensor) -> Tensor:
+    def forward(
+        self, raster: Shaped[Tensor, "batch x y"]
+    ) -> Float32[Tensor, "batch 1 {self.rows} {self.columns}"]:
         """Sinograms of the batch."""
         sinogram = radon(raster, self.angles, self.bins, theta_range=self.theta_range)[:, None]
         return F.avg_pool2d(sinogram, self.pool) if self.pool > 1 else sinogram
@@ -53,7 +57,7 @@ class PolarImage(nn.Module):
     def __init__(self, sectors: int = 120, cells: int = 120, pool: int = 1) -> None:
         super().__init__()
         if pool < 1 or sectors % pool or cells % pool:
-            raise DeepringError(
+            raise ConfigError(
                 f"representation.pool: {pool}, expected a divisor of the raster's "
                 f"{sectors} x {cells}"
             )
@@ -69,7 +73,9 @@ class PolarImage(nn.Module):
         """Columns of r, or of the elevation."""
         return self.cells // self.pool
 
-    def forward(self, raster: Tensor) -> Tensor:
+    def forward(
+        self, raster: Shaped[Tensor, "batch {self.sectors} {self.cells}"]
+    ) -> Float32[Tensor, "batch 1 {self.rows} {self.columns}"]:
         """Images of the batch as float32."""
         image = raster.float()[:, None]
         return F.avg_pool2d(image, self.pool) if self.pool > 1 else image
@@ -82,25 +88,32 @@ def make_representation(
     pool: int = 1,
     theta_range: ThetaRange = "full",
 ) -> Sinogram | PolarImage:
-    """The representation that goes with a raster; angles, bins, turn are the sinogram's alone."""
-    match raster:
-        case BevRaster():
+    """The representation of a raster, chosen by its axes; see `Raster.axes`.
+
+    An image from above becomes a sinogram of ``angles`` and ``bins``. An image over azimuth
+    stays as it is: its rows and columns are the raster's, so that ``angles`` and ``bins`` are
+    None and ``theta_range`` is 'full'. Raises ConfigError for other values and other rasters.
+    """
+    kind = type(raster).__name__
+    given = f"representation.angles: {angles}, representation.bins: {bins}"
+    match raster.axes:
+        case ("x", "y"):
             if angles is None or bins is None:
-                raise DeepringError(
-                    f"representation.angles: {angles}, representation.bins: {bins}; "
-                    "a sinogram needs both"
-                )
+                raise ConfigError(f"{given}; expected both for the sinogram of a {kind}")
             return Sinogram(angles, bins, pool, theta_range)
-        case PolarRaster() | RangeRaster():
+        case ("theta", _):
             if angles is not None or bins is not None:
-                raise DeepringError(
-                    f"representation.angles: {angles}, representation.bins: {bins}; expected null, "
-                    f"since the rows and columns of a {type(raster).__name__} are its raster's"
+                raise ConfigError(
+                    f"{given}; expected null, since the rows and columns are those of the {kind}"
                 )
             if theta_range != "full":
-                raise DeepringError(
+                raise ConfigError(
                     f"representation.theta_range: {theta_range!r}, expected 'full': only a "
                     "sinogram repeats itself after half a turn"
                 )
-            return PolarImage(*raster.shape, pool)
-    raise DeepringError(f"representation: no network takes a {type(raster).__name__}")
+            sectors, columns = raster.shape
+            return PolarImage(sectors, columns, pool)
+    raise ConfigError(
+        f"representation: a {kind} has the axes {', '.join(raster.axes)}, expected x, y or theta "
+        "and one more"
+    )

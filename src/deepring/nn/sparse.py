@@ -13,10 +13,12 @@ from functools import cached_property
 from typing import Any
 
 import torch
+from jaxtyping import Float, Int64, Shaped
 from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
-from deepring.errors import DeepringError
+from deepring import checks
+from deepring.errors import ConfigError, DataError
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +26,7 @@ class KernelMap:
     """Which rows feed which: (offset, output rows, input rows), a row at most once an offset."""
 
     outputs: int
-    pairs: tuple[tuple[int, Tensor, Tensor], ...]
+    pairs: tuple[tuple[int, Int64[Tensor, " _"], Int64[Tensor, " _"]], ...]
     centre: int | None = None  # the offset that feeds each row to itself and has no pairs
 
     def transposed(self, outputs: int) -> "KernelMap":
@@ -32,7 +34,9 @@ class KernelMap:
         return KernelMap(outputs, tuple((k, b, a) for k, a, b in self.pairs))
 
 
-def _keys(coordinates: Tensor, low: list[int], high: list[int]) -> Tensor:
+def _keys(
+    coordinates: Int64[Tensor, "n 4"], low: list[int], high: list[int]
+) -> Int64[Tensor, " n"]:
     """One int64 a site, in the order of its coordinates, which lie between ``low`` and ``high``."""
     keys = coordinates[:, 0] - low[0]
     for axis in (1, 2, 3):
@@ -69,26 +73,26 @@ class Grid:
         batch: number of scans; by default as the indices have it.
 
     Raises:
-        DeepringError: a scan without sites, repeated sites, or θ outside [0, wrap).
+        DataError: a scan without sites, repeated sites, or θ outside [0, wrap).
     """
 
     def __init__(
         self,
-        coordinates: Tensor,
+        coordinates: Shaped[Tensor, "..."],
         stride: int = 1,
         wrap: int | None = None,
         batch: int | None = None,
     ) -> None:
         shape = tuple(coordinates.shape)
         if coordinates.is_floating_point() or shape[1:] != (4,) or not shape[0]:
-            raise DeepringError(
+            raise DataError(
                 f"coordinates: {shape} {coordinates.dtype}, expected (n, 4) integers "
                 "(batch, θ, r, z), at least one"
             )
         coordinates = coordinates.long()
         low, high = torch.stack([coordinates.amin(0), coordinates.amax(0)]).tolist()
         if wrap is not None and not 0 <= low[1] <= high[1] < wrap:
-            raise DeepringError(
+            raise DataError(
                 f"coordinates: θ from {low[1]} to {high[1]}, expected 0 to {wrap - 1}, one turn"
             )
         self._low, self._high, self.stride, self.wrap = low, high, stride, wrap
@@ -100,7 +104,7 @@ class Grid:
         self.counts: list[int]
         *self.counts, again = torch.cat([counts, repeated[None]]).tolist()
         if again or 0 in self.counts:
-            raise DeepringError(
+            raise DataError(
                 f"coordinates: {again} repeated voxels, {self.counts} voxels in the scans of the "
                 "batch; expected none repeated and one or more in each scan"
             )
@@ -146,7 +150,7 @@ class Grid:
     def coarser(self) -> tuple["Grid", KernelMap]:
         """The sites at twice the stride, floor(c / 2), and the map from here to there."""
         if self.wrap is not None and self.wrap % 2:
-            raise DeepringError(f"wrap: {self.wrap} sectors at stride {self.stride}, expected even")
+            raise ConfigError(f"wrap: {self.wrap} sectors at stride {self.stride}, expected even")
         parents = self.coordinates.clone()
         parents[:, 1:] = parents[:, 1:].div(2, rounding_mode="floor")
         low, high = ([v[0], *(c // 2 for c in v[1:])] for v in (self._low, self._high))
@@ -165,20 +169,25 @@ class Grid:
 class SparseTensor:
     """Features (n, c) on the n sites of a grid, row for row."""
 
-    features: Tensor
+    features: Float[Tensor, "n channel"]
     grid: Grid
 
     @classmethod
-    def of(cls, features: Tensor, coordinates: Tensor, **grid_options: Any) -> "SparseTensor":
+    def of(
+        cls,
+        features: Shaped[Tensor, "..."],
+        coordinates: Shaped[Tensor, "..."],
+        **grid_options: Any,
+    ) -> "SparseTensor":
         """From rows in any order; see `Grid` for its options and errors."""
         grid = Grid(coordinates, **grid_options)
         if features.ndim != 2 or len(features) != len(grid):
             shape = tuple(features.shape)
-            raise DeepringError(f"features: {shape}, expected ({len(grid)}, channels)")
+            raise DataError(f"features: {shape}, expected ({len(grid)}, channels)")
         return cls(features[grid.order], grid)
 
     @property
-    def coordinates(self) -> Tensor:
+    def coordinates(self) -> Int64[Tensor, "n 4"]:
         """Sites (n, 4) int64 (batch, θ, r, z), sorted, in units of the stride."""
         return self.grid.coordinates
 
@@ -187,11 +196,11 @@ class SparseTensor:
         """Size of a site in voxels."""
         return self.grid.stride
 
-    def put(self, features: Tensor) -> "SparseTensor":
+    def put(self, features: Float[Tensor, "n channel"]) -> "SparseTensor":
         """Other features on the same sites."""
         return SparseTensor(features, self.grid)
 
-    def scans(self) -> tuple[Tensor, ...]:
+    def scans(self) -> tuple[Float[Tensor, "_ channel"], ...]:
         """The features of each scan of the batch, views."""
         return torch.split(self.features, self.grid.counts)
 
@@ -238,7 +247,9 @@ class _SparseConv(nn.Module):
         weight = torch.empty(offsets, in_channels, out_channels).uniform_(-bound, bound)
         self.weight = nn.Parameter(weight)
 
-    def apply_map(self, features: Tensor, pairs: KernelMap) -> Tensor:
+    def apply_map(
+        self, features: Float[Tensor, "n in"], pairs: KernelMap
+    ) -> Float[Tensor, "{pairs.outputs} out"]:
         """Sum over the pairs, in the weight's precision under autocast, too."""
         with torch.autocast(features.device.type, enabled=False):
             features = features.to(self.weight.dtype)
@@ -249,8 +260,8 @@ class SubmanifoldConv(_SparseConv):
     """Stride 1, odd kernel, zeros beyond the sites: the sites stay as they are."""
 
     def __init__(self, in_channels: int, out_channels: int, kernel: int = 3) -> None:
-        if kernel < 1 or kernel % 2 == 0:
-            raise DeepringError(f"kernel: {kernel}, expected an odd number, at least 1")
+        if checks.count("kernel", kernel) % 2 == 0:
+            raise ConfigError(f"kernel: {kernel}, expected an odd number")
         super().__init__(in_channels, out_channels, kernel**3, in_channels)
         self.kernel = kernel
 
@@ -281,7 +292,7 @@ class TransposedConv(_SparseConv):
         """Features (n, out) on ``onto``, whose coarser grid must be that of ``x``."""
         grid, pairs = onto.coarser
         if grid is not x.grid:
-            raise DeepringError(f"onto: no grid from which the stride-{x.stride} features came")
+            raise DataError(f"onto: no grid from which the stride-{x.stride} features came")
         return SparseTensor(self.apply_map(x.features, pairs.transposed(len(onto))), onto)
 
 
@@ -295,5 +306,5 @@ class PointNorm(nn.Module):
     def forward(self, x: SparseTensor) -> SparseTensor:
         """Normalised features on the same sites."""
         if self.training and len(x.grid) < 2:
-            raise DeepringError(f"batch: one site at stride {x.stride}, expected two for training")
+            raise DataError(f"batch: one site at stride {x.stride}, expected two for training")
         return x.put(self.norm(x.features))

@@ -1,4 +1,4 @@
-"""The feature extraction network: a UNet of circular convolutions (paper, Sec. III-B)."""
+"""The feature extraction network: a UNet of circular convolutions (paper, Sec. III-B, Eq. 6)."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -6,25 +6,23 @@ from functools import partial
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Float
 from torch import Tensor, nn
 
+from deepring import checks
 from deepring.core.radon import ThetaRange
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError, DataError
 from deepring.nn.circular import CircularConv2d, TauPadding, circular_upsample
 
-
-def _normalisation(kind: str, channels: int) -> nn.Module:
-    match kind:
-        case "batch":
-            return nn.BatchNorm2d(channels)
-        case "group":
-            return nn.GroupNorm(math.gcd(8, channels), channels)
-        case "none":
-            return nn.Identity()
-    raise DeepringError(f"encoder.norm: {kind!r}, expected 'batch', 'group' or 'none'")
+NORMALISATIONS: dict[str, Callable[[int], nn.Module]] = {
+    "batch": nn.BatchNorm2d,
+    "group": lambda channels: nn.GroupNorm(math.gcd(8, channels), channels),
+    "none": lambda _: nn.Identity(),
+}
+"""Layer behind a convolution of some channels."""
 
 
-class Block(nn.Sequential):
+class ConvBlock(nn.Sequential):
     """``convolutions`` times circular 3x3 convolution, normalisation, ReLU."""
 
     def __init__(
@@ -41,7 +39,7 @@ class Block(nn.Sequential):
             source = in_channels if k == 0 else out_channels
             layers += [
                 CircularConv2d(source, out_channels, 3, tau, theta_range, bias=norm == "none"),
-                _normalisation(norm, out_channels),
+                NORMALISATIONS[norm](out_channels),
                 nn.ReLU(inplace=True),
             ]
         super().__init__(*layers)
@@ -80,10 +78,12 @@ class UNet(nn.Module):
         self.pool = nn.MaxPool2d(2)
         self.head = nn.Conv2d(widths[0], out_channels, 1)
 
-    def forward(self, x: Tensor) -> Tensor:
+    def forward(
+        self, x: Float[Tensor, "batch channel rows columns"]
+    ) -> Float[Tensor, "batch {self.head.out_channels} rows columns"]:
         """Feature map (b, out, rows, columns) of (b, in, rows, columns)."""
         if x.shape[-2] % self.stride or x.shape[-1] % self.stride:
-            raise DeepringError(
+            raise DataError(
                 f"{self.name}: {len(self.down)} levels halve rows and columns to a total stride of "
                 f"{self.stride}, which does not divide {x.shape[-2]} x {x.shape[-1]}; take fewer "
                 "levels or other numbers of rows"
@@ -110,7 +110,7 @@ class CircularUNet(UNet):
         widths: channels of each level; the number of levels is its length.
         in_channels: channels of the representation.
         out_channels: channels of the feature map.
-        convolutions: 3x3 convolutions a block.
+        convolutions: 3x3 convolutions per block.
         norm: 'batch', 'group' or 'none'.
         tau_padding: how τ is padded, 'circular' (the paper's Eq. 5) or 'zero'.
         theta_range: 'full' or 'half'; over half a turn kernels are symmetric in τ, and an even
@@ -130,30 +130,34 @@ class CircularUNet(UNet):
         theta_range: ThetaRange = "full",
         stem: int = 1,
     ) -> None:
-        if not widths or min(widths) < 1 or convolutions < 1:
-            raise DeepringError(
-                f"encoder: widths={list(widths)}, convolutions={convolutions}; "
-                "expected at least one level, channel and convolution"
+        if not widths or min(widths) < 1:
+            raise ConfigError(
+                f"encoder.widths: {list(widths)}, expected at least one level, each of at least "
+                "one channel"
             )
-        if stem < 1 or (stem > 1 and theta_range == "half"):
-            raise DeepringError(
-                f"encoder.stem: {stem}, expected at least 1, and 1 over half a turn, whose flip "
-                "of τ would have to exchange channels"
+        checks.count("encoder.convolutions", convolutions)
+        checks.one_of("encoder.norm", norm, NORMALISATIONS)
+        if checks.count("encoder.stem", stem) > 1 and theta_range == "half":
+            raise ConfigError(
+                f"encoder.stem: {stem}, expected 1 over half a turn, whose flip of τ would have "
+                "to exchange channels"
             )
         super().__init__(
             "encoder.widths",
             widths,
             in_channels * stem**2,
             out_channels,
-            lambda a, b: Block(a, b, convolutions, norm, tau_padding, theta_range),
+            lambda a, b: ConvBlock(a, b, convolutions, norm, tau_padding, theta_range),
             partial(circular_upsample, tau=tau_padding, theta_range=theta_range),
         )
         self.stem = stem
 
-    def forward(self, x: Tensor) -> Tensor:
+    def forward(
+        self, x: Float[Tensor, "batch channel theta tau"]
+    ) -> Float[Tensor, "batch out theta//{self.stem} tau//{self.stem}"]:
         """Feature map (b, out, θ / stem, τ / stem) of (b, in, θ, τ)."""
         if x.shape[-2] % self.stem or x.shape[-1] % self.stem:
-            raise DeepringError(
+            raise DataError(
                 f"encoder.stem: {self.stem}, expected a divisor of {x.shape[-2]} x {x.shape[-1]}, "
                 "the rows and columns"
             )

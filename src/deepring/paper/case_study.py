@@ -26,7 +26,7 @@ from deepring.errors import DeepringError
 from deepring.io.files import replacing
 from deepring.nn.circular import CircularConv2d
 from deepring.nn.representation import PolarImage, Sinogram
-from deepring.rasters.kinds import BevRaster, PolarRaster, Raster
+from deepring.rasters import BevRaster, PolarRaster, Raster
 
 Name = Literal["SG", "PG"]
 Kind = Literal["translation", "rotation", "unrelated"]

@@ -1,1 +1,28 @@
-"""A scan becomes the array that a method sees: one kind of raster per file."""
+"""A scan becomes the array that a method sees: one file per kind of raster, behind one base."""
+
+from deepring.rasters.base import RASTERS, Raster, make_raster, raster_settings
+from deepring.rasters.bev import BevRaster
+from deepring.rasters.context import ContextRaster
+from deepring.rasters.features import FeatureBevRaster
+from deepring.rasters.heights import HeightRaster
+from deepring.rasters.points import PointsRaster
+from deepring.rasters.polar import PolarRaster
+from deepring.rasters.preprocessing import Preprocessing
+from deepring.rasters.range_image import RangeRaster
+from deepring.rasters.voxels import VoxelRaster
+
+__all__ = [
+    "RASTERS",
+    "BevRaster",
+    "ContextRaster",
+    "FeatureBevRaster",
+    "HeightRaster",
+    "PointsRaster",
+    "PolarRaster",
+    "Preprocessing",
+    "RangeRaster",
+    "Raster",
+    "VoxelRaster",
+    "make_raster",
+    "raster_settings",
+]

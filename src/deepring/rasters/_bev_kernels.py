@@ -5,6 +5,8 @@ import math
 import numpy as np
 from numba import njit
 
+from deepring.rasters._lots import LOT, room, take
+
 
 @njit(cache=True, nogil=True)
 def occupancy(points, extent, cells, out):
@@ -37,25 +39,9 @@ def in_box(points, extent, low, high, kept):
     return count
 
 
-#: Points that are taken at once: their coordinates, one after the other, stay in the first cache.
-_LOT = 2048
-
-
-@njit(cache=True, nogil=True)
-def part(flat, start, xs, ys, zs):
-    """Coordinates of a lot of points, that lie one after the other in ``flat`` (3 n,), from the
-    point ``start``; their number. Rows of a fixed width can be taken apart by vector instructions.
-    """
-    count = min(xs.shape[0], flat.shape[0] // 3 - start)
-    lot = flat[3 * start : 3 * (start + count)]
-    for k in range(count):
-        xs[k], ys[k], zs[k] = lot[3 * k], lot[3 * k + 1], lot[3 * k + 2]
-    return count
-
-
 @njit(cache=True, nogil=True)
 def lot_cells(xs, ys, zs, box, low, high, half, scale, side, cells):
-    """Flat cell of each of the first points of a lot, as many as ``cells`` has room for, in a grid
+    """Flat cell of each point of a lot, into ``cells``, in a grid
     of ``side`` x ``side`` that starts at -half and has ``scale`` cells a metre; the cell behind the
     last for points outside of it, or not in |x|, |y| < box and low < z < high."""
     box, low, high = np.float32(box), np.float32(low), np.float32(high)
@@ -73,10 +59,11 @@ def lot_cells(xs, ys, zs, box, low, high, half, scale, side, cells):
 def band_occupancy(flat, box, low, high, extent, side, out):
     """`in_box` and `occupancy` at once: mark in ``out`` (side² + 1,) uint8, flat, the cells of
     points with |x|, |y| < box and low < z < high; all others mark the last."""
-    xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
-    cells = np.empty(_LOT, np.uint32)
-    for start in range(0, flat.shape[0] // 3, _LOT):
-        some = cells[: part(flat, start, xs, ys, zs)]
+    cells = np.empty(LOT, np.uint32)
+    lot = room()
+    for start in range(0, flat.shape[0] // 3, LOT):
+        xs, ys, zs = take(flat, start, lot)
+        some = cells[: xs.shape[0]]
         lot_cells(xs, ys, zs, box, low, high, extent, side / (2.0 * extent), side, some)
         for k in range(some.shape[0]):
             out[some[k]] = 1
@@ -85,19 +72,21 @@ def band_occupancy(flat, box, low, high, extent, side, out):
 @njit(cache=True, nogil=True)
 def ground_cells(flat, box, low, high, cell, side, ground):
     """Flat cell of each point (n,) uint32 in the grid of the ground, see `lot_cells`."""
-    xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
-    for start in range(0, flat.shape[0] // 3, _LOT):
-        some = ground[start : start + part(flat, start, xs, ys, zs)]
+    lot = room()
+    for start in range(0, flat.shape[0] // 3, LOT):
+        xs, ys, zs = take(flat, start, lot)
+        some = ground[start : start + xs.shape[0]]
         lot_cells(xs, ys, zs, box, low, high, side * cell / 2, 1.0 / cell, side, some)
 
 
 @njit(cache=True, nogil=True)
 def two_cells(flat, box, low, high, cell, side, extent, image_side, ground, image):
     """`ground_cells`, and those of the image: (n,) uint32 each."""
-    xs, ys, zs = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
     image_scale = image_side / (2.0 * extent)
-    for start in range(0, flat.shape[0] // 3, _LOT):
-        end = start + part(flat, start, xs, ys, zs)
+    lot = room()
+    for start in range(0, flat.shape[0] // 3, LOT):
+        xs, ys, zs = take(flat, start, lot)
+        end = start + xs.shape[0]
         lot_cells(xs, ys, zs, box, low, high, side * cell / 2, 1.0 / cell, side, ground[start:end])
         lot_cells(xs, ys, zs, box, low, high, extent, image_scale, image_side, image[start:end])
 

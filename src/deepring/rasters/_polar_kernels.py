@@ -10,8 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
-#: Points that are taken at once: their coordinates, one after the other, stay in the first cache.
-_LOT = 2048
+from deepring.rasters._lots import LOT, room, take
 
 #: Radians by which `rough_angle` may be off; its largest error, found in tests, is less.
 _OFF = 2e-6
@@ -44,90 +43,95 @@ def exact_sector(y, x, sectors):
 
 
 @njit(cache=True, nogil=True)
-def sectors_and_rings(lot, radius, sectors, rings, sector, ring, sure):
-    """The polar cell of each point of a lot, and whether its sector is certain."""
-    xs, ys = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
+def rough_sectors(xs, ys, sectors):
+    """Sector of each point of a lot by the rough angle, and whether it is certain."""
+    sector, sure = np.empty(xs.shape[0], np.int32), np.empty(xs.shape[0], np.bool_)
     count, width = np.float32(sectors), np.float32(sectors / (2.0 * math.pi))
     margin = np.float32(_OFF * sectors + 1e-6 * sectors)
-    for k in range(lot.shape[0]):
-        xs[k], ys[k] = lot[k, 0], lot[k, 1]
-    for k in range(lot.shape[0]):
-        x, y = xs[k], ys[k]
-        distance = math.sqrt(x * x + y * y) / radius * rings
-        ring[k] = np.int32(distance) if distance < rings else np.int32(rings)
-        place = rough_angle(y, x) * width
+    for k in range(xs.shape[0]):
+        place = rough_angle(ys[k], xs[k]) * width
         place = place + count if place < 0 else place
         whole = np.int32(place)
         over = place - np.float32(whole)
         sector[k] = whole
         sure[k] = (over > margin) & (over < 1 - margin) & (whole < sectors)
+    return sector, sure
 
 
 @njit(cache=True, nogil=True)
-def polar_highest(points, radius, sectors, rings, out):
+def polar_cells(xs, ys, radius, sectors, rings):
+    """Sector and ring of each point of a lot; the ring ``rings`` is for all beyond the last, and
+    for what is no number, and there the sector means nothing."""
+    sector, sure = rough_sectors(xs, ys, sectors)
+    ring = np.empty(xs.shape[0], np.int32)
+    for k in range(xs.shape[0]):
+        distance = math.sqrt(xs[k] * xs[k] + ys[k] * ys[k]) / radius * rings
+        ring[k] = np.int32(distance) if distance < rings else np.int32(rings)
+    for k in range(xs.shape[0]):
+        if not sure[k] and ring[k] < rings:
+            sector[k] = exact_sector(ys[k], xs[k], sectors)
+    return sector, ring
+
+
+@njit(cache=True, nogil=True)
+def polar_highest(flat, radius, out):
     """Raise ``out`` (sectors, rings) float32 to the largest z of the points in each polar cell."""
-    sector, ring = np.empty(_LOT, np.int32), np.empty(_LOT, np.int32)
-    sure = np.empty(_LOT, np.bool_)
-    for start in range(0, points.shape[0], _LOT):
-        lot = points[start : start + _LOT]
-        sectors_and_rings(lot, radius, sectors, rings, sector, ring, sure)
-        for k in range(lot.shape[0]):
-            if ring[k] >= rings:
-                continue
-            s = sector[k] if sure[k] else exact_sector(lot[k, 1], lot[k, 0], sectors)
-            if lot[k, 2] > out[s, ring[k]]:
-                out[s, ring[k]] = lot[k, 2]
+    sectors, rings = out.shape
+    lot = room()
+    for start in range(0, flat.shape[0] // 3, LOT):
+        xs, ys, zs = take(flat, start, lot)
+        sector, ring = polar_cells(xs, ys, radius, sectors, rings)
+        for k in range(xs.shape[0]):
+            if ring[k] < rings and zs[k] > out[sector[k], ring[k]]:
+                out[sector[k], ring[k]] = zs[k]
 
 
 @njit(cache=True, nogil=True)
-def polar_layers(points, radius, low, high, out):
+def polar_layers(flat, radius, low, high, out):
     """Mark in ``out`` (layers, sectors, rings) bool the polar cells of each layer of height that
     hold a point; the layers share [low, high)."""
     layers, sectors, rings = out.shape
-    sector, ring = np.empty(_LOT, np.int32), np.empty(_LOT, np.int32)
-    sure = np.empty(_LOT, np.bool_)
-    for start in range(0, points.shape[0], _LOT):
-        lot = points[start : start + _LOT]
-        sectors_and_rings(lot, radius, sectors, rings, sector, ring, sure)
-        for k in range(lot.shape[0]):
-            layer = math.floor((lot[k, 2] - low) / (high - low) * layers)
-            if ring[k] >= rings or not 0 <= layer < layers:
-                continue
-            s = sector[k] if sure[k] else exact_sector(lot[k, 1], lot[k, 0], sectors)
-            out[layer, s, ring[k]] = True
+    lot = room()
+    for start in range(0, flat.shape[0] // 3, LOT):
+        xs, ys, zs = take(flat, start, lot)
+        sector, ring = polar_cells(xs, ys, radius, sectors, rings)
+        for k in range(xs.shape[0]):
+            layer = math.floor((zs[k] - low) / (high - low) * layers)
+            if ring[k] < rings and 0 <= layer < layers:
+                out[layer, sector[k], ring[k]] = True
+
+
+#: More metres than any return is away. Rings of a metre up to there leave out what is no number.
+_BEYOND = 2**30
 
 
 @njit(cache=True, nogil=True)
-def nearest_return(points, viewpoint, sectors, rows, lowest, highest, out):
+def nearest_return(flat, viewpoint, lowest, highest, out):
     """Lower ``out`` (sectors, rows) float32 to the smallest range in each direction."""
-    sector, ring = np.empty(_LOT, np.int32), np.empty(_LOT, np.int32)
-    sure = np.empty(_LOT, np.bool_)
-    heights, flats = np.empty(_LOT, np.float32), np.empty(_LOT, np.float32)
-    ranges = np.empty(_LOT, np.float32)
-    row, certain = np.empty(_LOT, np.int32), np.empty(_LOT, np.bool_)
+    sectors, rows = out.shape
     scale, base = np.float32(rows / (highest - lowest)), np.float32(lowest)
     margin = np.float32(2 * _OFF * rows / (highest - lowest) + 1e-6 * rows)
-    for start in range(0, points.shape[0], _LOT):
-        lot = points[start : start + _LOT]
-        sectors_and_rings(lot, 1.0, sectors, 2**30, sector, ring, sure)
-        for k in range(lot.shape[0]):
-            x, y, z = lot[k, 0], lot[k, 1], lot[k, 2] - viewpoint
-            flat = math.sqrt(x * x + y * y)
-            flats[k], heights[k] = flat, z
-            ranges[k] = math.sqrt(flat * flat + z * z)
-        for k in range(lot.shape[0]):
-            place = (rough_angle(heights[k], flats[k]) - base) * scale
+    heights, across = np.empty(LOT, np.float32), np.empty(LOT, np.float32)
+    ranges, row = np.empty(LOT, np.float32), np.empty(LOT, np.int32)
+    sure = np.empty(LOT, np.bool_)
+    lot = room()
+    for start in range(0, flat.shape[0] // 3, LOT):
+        xs, ys, zs = take(flat, start, lot)
+        sector, ring = polar_cells(xs, ys, float(_BEYOND), sectors, _BEYOND)
+        for k in range(xs.shape[0]):
+            z = zs[k] - viewpoint
+            across[k], heights[k] = math.sqrt(xs[k] * xs[k] + ys[k] * ys[k]), z
+            ranges[k] = math.sqrt(across[k] * across[k] + z * z)
+        for k in range(xs.shape[0]):
+            place = (rough_angle(heights[k], across[k]) - base) * scale
             whole = np.int32(math.floor(place))
             over = place - np.float32(whole)
             row[k] = whole
-            certain[k] = (over > margin) & (over < 1 - margin)
-        for k in range(lot.shape[0]):
+            sure[k] = (over > margin) & (over < 1 - margin)
+        for k in range(xs.shape[0]):
             r = row[k]
-            if not certain[k]:
-                z = lot[k, 2] - viewpoint
-                r = math.floor((math.atan2(z, flats[k]) - lowest) / (highest - lowest) * rows)
-            if not 0 <= r < rows:
-                continue
-            s = sector[k] if sure[k] else exact_sector(lot[k, 1], lot[k, 0], sectors)
-            if ranges[k] < out[s, r]:
-                out[s, r] = ranges[k]
+            if not sure[k]:
+                z = zs[k] - viewpoint
+                r = math.floor((math.atan2(z, across[k]) - lowest) / (highest - lowest) * rows)
+            if ring[k] < _BEYOND and 0 <= r < rows and ranges[k] < out[sector[k], r]:
+                out[sector[k], r] = ranges[k]

@@ -18,8 +18,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
-from scipy.special import entr
 
 #: In the order of the channels.
 FEATURES = ("curvature", "omnivariance", "entropy", "flatness", "reach", "variance")
@@ -33,7 +31,13 @@ def local_features(points: NDArray[Any], neighbours: int = 30) -> NDArray[np.flo
     Args:
         points: (n, 3), finite.
         neighbours: points in a neighbourhood, itself included; all where there are fewer.
+
+    >>> wall = np.array([[x, 0, z] for x in range(5) for z in range(5)])
+    >>> local_features(wall, 25)[0].round(2).tolist()
+    [0.0, 0.0, 0.69, 0.0, 4.0, 2.0]
     """
+    from scipy.special import entr
+
     if not len(points):
         return np.zeros((0, len(FEATURES)))
     points = np.asarray(points, dtype=np.float64)
@@ -56,6 +60,8 @@ def local_features(points: NDArray[Any], neighbours: int = 30) -> NDArray[np.flo
 
 def nearest(points: NDArray[np.float64], neighbours: int) -> NDArray[np.int64]:
     """Indices of the nearest points of each, itself included: (n, min(neighbours, n)) int64."""
+    from scipy.spatial import cKDTree
+
     count = min(neighbours, len(points))
     _, indices = cKDTree(points).query(points, k=count)
     found: NDArray[np.int64] = indices.reshape(len(points), count)

@@ -3,20 +3,93 @@
 Source: EgoNN (Komorowski et al., RA-L 2021, Sec. III-A) and its repository jac99/Egonn.
 """
 
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass, field
 
-from deepring.errors import DeepringError
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from deepring import checks
+from deepring.errors import ConfigError, DataError
+from deepring.rasters.base import Raster
+from deepring.rasters.downsample import spread
+from deepring.rasters.points import within
+from deepring.rasters.preprocessing import Preprocessing
 
 PADDING = int(np.iinfo(np.int16).min)
 """Fills the rows after the last voxel where scans of a batch are padded; no index is this low."""
 
 
+@dataclass(frozen=True)
+class VoxelRaster(Raster, kind="voxels"):
+    """Occupied cylindrical voxels (θ, r, z), padded to ``max_voxels`` rows: int16.
+
+    The indices and their order are those of `cylindrical_voxels`, of the points less than
+    ``radius`` metres away; the rows after the last are filled with `PADDING`, which no index is.
+    Where a scan has more than ``max_voxels``, rows spread evenly over that order are kept: every
+    direction loses the same share.
+
+    >>> VoxelRaster(max_voxels=100).shape
+    (100, 3)
+    """
+
+    max_voxels: int = 16384
+    degrees: float = 1.0
+    ring: float = 0.3
+    height: float = 0.2
+    radius: float = 70.0
+    preprocessing: Preprocessing = field(default_factory=Preprocessing)
+
+    axes = ("voxel", "theta_r_z")
+    dtype = np.dtype(np.int16)
+
+    def __post_init__(self) -> None:
+        self.check_counts("max_voxels")
+        self.check_lengths("ring", "height", "radius")
+        self.check_reach(self.radius)
+        sectors_of(self.degrees)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Voxels, and three for θ, r, z."""
+        return (self.max_voxels, 3)
+
+    def rasterize(self, points: NDArray[np.float32]) -> NDArray[np.int16]:
+        """Indices of the occupied voxels, then padding, (max_voxels, 3) int16."""
+        kept = within(points, self.radius)
+        voxels = cylindrical_voxels(kept, self.degrees, self.ring, self.height)
+        if len(voxels) > self.max_voxels:
+            voxels = voxels[spread(len(voxels), self.max_voxels)]
+        rows = np.full(self.shape, PADDING, dtype=np.int16)
+        rows[: len(voxels)] = voxels
+        return rows
+
+    @property
+    def sectors(self) -> int:
+        """Sectors of azimuth in a full turn."""
+        return sectors_of(self.degrees)
+
+    def turned(self, images: Tensor, sectors: Tensor) -> Tensor:
+        """Voxels (n, max_voxels, 3) turned by ``sectors`` (n,), counter-clockwise.
+
+        The order of the rows is not restored; networks sort them themselves.
+        """
+        theta = images[..., 0].long()
+        turned = (theta + sectors[:, None]) % self.sectors
+        theta = torch.where(theta == PADDING, theta, turned).to(images.dtype)
+        return torch.cat([theta[..., None], images[..., 1:]], dim=-1)
+
+
 def sectors_of(degrees: float) -> int:
-    """Sectors in a turn; DeepringError where ``degrees`` does not divide 360."""
+    """Sectors in a turn; ConfigError where ``degrees`` does not divide 360.
+
+    >>> sectors_of(0.5)
+    720
+    """
     sectors = round(360 / degrees) if 0 < degrees <= 360 else 0
     if not sectors or abs(sectors * degrees - 360) > 1e-6:
-        raise DeepringError(f"voxels.degrees: {degrees!r}, expected a step that divides 360")
+        raise ConfigError(f"voxels.degrees: {degrees!r}, expected a step that divides 360")
     return sectors
 
 
@@ -39,12 +112,16 @@ def cylindrical_voxels(
         height: of a layer, metres; layer 0 begins at z = 0.
 
     Raises:
-        DeepringError: a bad step, a coordinate that is not finite or an index beyond int16.
+        ConfigError: a bad step.
+        DataError: a coordinate that is not finite or an index beyond int16.
+
+    >>> points = np.array([[10.0, 0.1, 1.0], [10.0, 0.2, 1.1]], dtype=np.float32)
+    >>> cylindrical_voxels(points, degrees=90.0, ring=3.0, height=1.0)
+    array([[2, 3, 1]], dtype=int16)
     """
     sectors = sectors_of(degrees)
-    for name, step in (("ring", ring), ("height", height)):
-        if not 0 < step < np.inf:
-            raise DeepringError(f"voxels.{name}: {step!r}, expected a length in metres above 0")
+    checks.positive("voxels.ring", ring, "metres")
+    checks.positive("voxels.height", height, "metres")
     x, y, z = np.asarray(points, dtype=np.float64).reshape(-1, 3).T
     cells = np.stack([(np.degrees(np.arctan2(y, x)) + 180) / degrees, np.hypot(x, y) / ring, z])
     cells[2] /= height
@@ -52,13 +129,13 @@ def cylindrical_voxels(
         return np.empty((0, 3), dtype=np.int16)
     # Written so that NaN fails, too.
     if not np.abs(cells).max() < -PADDING:
-        raise DeepringError(
+        raise DataError(
             f"points: {cells.shape[1]} points with a coordinate that is not finite or with a voxel "
             f"index of {-PADDING} or more; expected finite metres and larger steps"
         )
     index = np.floor(cells).astype(np.int64)
     index[0] %= sectors
-    # One number a voxel sorts much faster than rows of three.
+    # One number per voxel sorts much faster than rows of three.
     low = index.min(axis=1)
     extent = index.max(axis=1) - low + 1
     keys = np.unique(np.ravel_multi_index(tuple(index - low[:, None]), tuple(extent)))

@@ -8,6 +8,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from deepring.checks import count, one_of, share
 from deepring.core.correlation import shift_to_turn
 from deepring.errors import ConfigError, DataError, FileError
 from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
@@ -17,21 +18,16 @@ from deepring.search.block_store import BlockStore
 from deepring.search.code import Code, CodeSettings, code_scores, fit_code
 from deepring.search.hits import Best, Hits
 from deepring.search.shards import INDEX, Shard, expect_block, read_shards, write_shard
-from deepring.search.spectra import (
-    Precision,
-    encode,
-    expect_precision,
-    spectrum_planes,
-)
+from deepring.search.spectra import Precision, encode, padded_spectra
 
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """How places are kept and looked up."""
+    """How places are stored and looked up."""
 
     precision: Precision = "float32"
     code: CodeSettings | None = field(default_factory=CodeSettings)
-    """None keeps no codes: every search is exhaustive."""
+    """None stores no codes: every search is exhaustive."""
     exhaustive_below: int = 20_000
     """Places up to which all are compared."""
     candidates: int = 500
@@ -40,13 +36,10 @@ class SearchSettings:
     """The same as a share of all places; the larger of the two counts."""
 
     def __post_init__(self) -> None:
-        expect_precision("search.precision", self.precision)
-        if self.candidates < 1 or self.exhaustive_below < 0 or not 0 <= self.candidate_share <= 1:
-            raise ConfigError(
-                f"search.candidates: {self.candidates}, search.exhaustive_below: "
-                f"{self.exhaustive_below}, search.candidate_share: {self.candidate_share}; "
-                "expected at least 1, at least 0, and a share in [0, 1]"
-            )
+        one_of("search.precision", self.precision, Precision)
+        count("search.candidates", self.candidates)
+        count("search.exhaustive_below", self.exhaustive_below, 0)
+        share("search.candidate_share", self.candidate_share)
 
 
 @dataclass(frozen=True)
@@ -132,42 +125,46 @@ class CorrelationIndex:
             exhaustive: compare all places; by default up to ``exhaustive_below`` of them.
             before: leave out this place and those added after it.
         """
-        if k < 1:
-            raise ConfigError(f"k: {k}, expected at least 1")
+        count("k", k)
         queries = self._checked(queries)
         if exhaustive is None:
             exhaustive = self.code is None or len(self) <= self.settings.exhaustive_below
-        count = len(self) if before is None else max(0, min(before, len(self)))
+        number = len(self) if before is None else max(0, min(before, len(self)))
         if exhaustive:
-            which = None if before is None else torch.arange(count, device=self.device)
-            best = self._exact(spectrum_planes(queries), k, which)
+            which = None if before is None else torch.arange(number, device=self.device)
+            best = self._exact(padded_spectra(queries), k, which)
         elif self.code is None:
-            raise ConfigError("exhaustive: False, but the index keeps no codes; set search.code")
+            raise ConfigError(
+                "exhaustive: False, but the index stores no codes; set search.code, or leave it out"
+            )
         else:
-            best = self._among_candidates(queries, self.code, k, count)
+            best = self._among_candidates(queries, self.code, k, number)
         turn = shift_to_turn(best.shift, queries.shape[-2], self.period)
         return Hits(best.place, best.score / self.cells, turn)
 
-    def candidates(self, queries: Tensor, code: Code, count: int | None = None) -> Tensor:
-        """The places (q, c) int64, of the first ``count``, that the codes put first."""
-        count = len(self) if count is None else count
-        share = math.ceil(self.settings.candidate_share * count)
-        planes = code.queries(queries)
-        scores = [code_scores(planes, codes, used) for used, codes in self.places.whole("code")]
-        every = torch.cat(scores, dim=1)[:, :count]
-        kept = min(max(self.settings.candidates, share), count)
-        return every.topk(kept, dim=1, sorted=False).indices
+    def candidates(self, queries: Tensor, code: Code, number: int | None = None) -> Tensor:
+        """The places (q, c) int64, of the first ``number``, that the codes put first."""
+        number = len(self) if number is None else number
+        weights = code.queries(queries)
+        scores = [code_scores(weights, codes, used) for used, codes in self.places.whole("code")]
+        every = torch.cat(scores, dim=1)[:, :number]
+        least = math.ceil(self.settings.candidate_share * number)
+        size = min(max(self.settings.candidates, least), number)
+        return every.topk(size, dim=1, sorted=False).indices
 
-    def _exact(self, planes: Tensor, k: int, which: Tensor | None = None) -> Best:
+    def _exact(self, spectra: Tensor, k: int, which: Tensor | None = None) -> Best:
         form = exact.compiled if self.device.type == "cpu" else exact.batched
-        return form(self.places, planes, self._rows, k, which)
+        return form(self.places, spectra, self._rows, k, which)
 
-    def _among_candidates(self, queries: Tensor, code: Code, k: int, count: int) -> Best:
-        places = self.candidates(queries, code, count).sort(dim=1).values
-        planes = spectrum_planes(queries)
-        found = [self._exact(planes[q : q + 1], k, places[q]) for q in range(len(planes))]
+    def _among_candidates(self, queries: Tensor, code: Code, k: int, number: int) -> Best:
         best = Best(len(queries), k, self.device)
-        best.see(*(torch.cat([getattr(f, n) for f in found]) for n in ("score", "place", "shift")))
+        if not len(queries):
+            return best
+        places = self.candidates(queries, code, number).sort(dim=1).values
+        spectra = padded_spectra(queries)
+        tops = [self._exact(spectra[q : q + 1], k, places[q]) for q in range(len(spectra))]
+        names = ("score", "place", "shift")
+        best.update(*(torch.cat([getattr(top, name) for top in tops]) for name in names))
         return best
 
     def save(self, folder: Path | str) -> None:

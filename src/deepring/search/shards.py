@@ -14,7 +14,7 @@ from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
 from deepring.io.tensor_types import TensorType, dtype_of
 from deepring.search.block_store import Block, axis_of, lengths_of
 from deepring.search.code import Code
-from deepring.search.spectra import LANES, STEP, Precision
+from deepring.search.spectra import LANES, TAIL_STEP, Precision
 
 #: The file of what all rows share.
 INDEX = "index.safetensors"
@@ -23,7 +23,7 @@ INDEX = "index.safetensors"
 ROWS = {
     "values": TensorType(("float32", "bfloat16", "int8"), ("n", "k", 2, "w")),
     "scale": TensorType("float32", ("n", "k")),
-    "rest": TensorType("float32", ("n", "c")),
+    "tails": TensorType("float32", ("n", "c")),
     "code": TensorType("int8", ("frequencies", "components", 2, "n"), optional=True),
 }
 
@@ -89,7 +89,7 @@ def expect_block(
     expected: dict[str, tuple[int, ...]] = {
         "values": (frequencies, 2, columns + -columns % LANES),
         "scale": (frequencies,),
-        "rest": (len(range(STEP, frequencies, STEP)),),
+        "tails": (len(range(TAIL_STEP, frequencies, TAIL_STEP)),),
     }
     if code is not None:
         expected["code"] = (*code.step.shape, 2)

@@ -1,0 +1,81 @@
+"""A fixed number of points of a scan, whatever their order: PointNetVLAD's input."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from deepring.errors import ConfigError
+from deepring.rasters.base import Raster
+from deepring.rasters.downsample import fixed_count
+from deepring.rasters.preprocessing import Preprocessing
+
+
+@dataclass(frozen=True)
+class PointsRaster(Raster, kind="points"):
+    """PointNetVLAD's input: ``count`` points in [-1, 1], (count, 3) float16.
+
+    Points beyond the disc of ``extent`` metres are left out, as the BEV's mask does, and all
+    three coordinates are divided by ``extent``: z = 1 is ``extent`` above the ground, and shapes
+    keep their proportions. The original (Uy and Lee 2018, Sec. 5) moves submaps of 20 m to their
+    centroid and scales them to a mean distance of 0.5; here the sensor stays the origin, and the
+    scale is the same for all scans. A scan without points gives zeros. Half precision is off by at
+    most 1.7 cm at 70 m and 9 mm below 35 m. See `deepring.rasters.downsample` for the count.
+
+    >>> points = np.array([[35.0, 0.0, 7.0]], dtype=np.float32)
+    >>> PointsRaster(count=2, preprocessing=Preprocessing(clearance=None))(points, ground_z=0.0)
+    array([[0.5, 0. , 0.1],
+           [0.5, 0. , 0.1]], dtype=float16)
+    """
+
+    count: int = 4096
+    extent: float = 70.0
+    preprocessing: Preprocessing = field(default_factory=Preprocessing)
+
+    axes = ("point", "xyz")
+    dtype = np.dtype(np.float16)
+
+    def __post_init__(self) -> None:
+        self.check_counts("count")
+        self.check_lengths("extent")
+        self.check_reach(self.extent)
+        low, high = self.preprocessing.height
+        if max(-low, high) > self.extent:
+            raise ConfigError(
+                f"preprocessing.height: {[low, high]}, expected heights within ±{self.extent:g} m, "
+                "the raster.extent by which the PointsRaster scales z into [-1, 1]"
+            )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Points, and three for x, y, z."""
+        return (self.count, 3)
+
+    def rasterize(self, points: NDArray[np.float32]) -> NDArray[np.float16]:
+        """Points in units of ``extent``, (count, 3) float16, z above the ground."""
+        kept = within(points, self.extent)
+        return (fixed_count(kept, self.count) / self.extent).astype(np.float16)
+
+    @property
+    def sectors(self) -> int:
+        """Points can be turned by any angle; whole degrees are offered."""
+        return 360
+
+    def turned(self, images: Tensor, sectors: Tensor) -> Tensor:
+        """Points (n, count, 3) turned about z by ``sectors`` (n,) degrees, counter-clockwise."""
+        x, y, z = images.float().unbind(-1)
+        turn = sectors * (2 * math.pi / self.sectors)
+        c, s = turn.float().cos()[:, None], turn.float().sin()[:, None]
+        return torch.stack([c * x - s * y, s * x + c * y, z], dim=-1).to(images.dtype)
+
+
+def within(points: NDArray[np.float32], radius: float) -> NDArray[np.float32]:
+    """The points (n, 3) less than ``radius`` metres from the z axis, (m, 3).
+
+    >>> within(np.array([[3.0, 4.0, 99.0], [6.0, 8.0, 0.0]], dtype=np.float32), radius=6)
+    array([[ 3.,  4., 99.]], dtype=float32)
+    """
+    return points[np.hypot(points[:, 0], points[:, 1]) < radius]
