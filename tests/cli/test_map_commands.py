@@ -271,9 +271,10 @@ def test_a_custom_drive_is_taken_wherever_a_dataset_is(
     # The map is that of the drive as its own reader gives it, but for the sensor's height.
     custom, nclt = (Map.open(tmp_path / f"{name}.map") for name in ("custom", "nclt"))
     assert len(custom) == len(nclt) > 50
-    lifted = nclt.poses.numpy() @ pose_from(np.eye(3), [0, 0, 1.5])
-    np.testing.assert_allclose(custom.poses.numpy(), lifted, atol=1e-9)
-    assert (custom.images != nclt.images).float().mean() < 0.01  # bytes; heights are rounded
+    lifted = nclt.places.poses @ pose_from(np.eye(3), [0, 0, 1.5])
+    np.testing.assert_allclose(custom.places.poses, lifted, atol=1e-9)
+    images = [one.places.tensors()["images"] for one in (custom, nclt)]
+    assert (images[0] != images[1]).float().mean() < 0.01  # bytes; heights are rounded
     some = ["--session", "second", "--every", 30, "--as", "json"]
     done = here("localize", "custom.map", "drive.yaml", *some)
     assert done.returncode == 0, done.stderr
