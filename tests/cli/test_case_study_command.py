@@ -6,14 +6,11 @@ import shutil
 from pathlib import Path
 
 import pytest
-import yaml
 
 from deepring.cli.case_study_command import case_study_command
-from deepring.data.readers import binary_formats, reader_names, reader_of
 from deepring.errors import BrokenScanError, DeepringError
 
 REAL = Path(os.environ.get("DEEPRING_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))
-CONF = Path(__file__).parents[2] / "conf" / "data"
 FILES = ["case_study.csv", "case_study.png", "case_study_error.png"]
 
 
@@ -132,14 +129,6 @@ def test_a_file_without_a_visible_point_is_named_with_its_format(tmp_path):
     path.write_bytes(bytes(80))
     with pytest.raises(BrokenScanError, match=r"1\.bin: 10 points as nclt"):
         case_study_command(["--format", "nclt", str(path), "-o", str(tmp_path / "out")])
-
-
-def test_every_format_of_files_has_a_reader_and_the_ground_height_of_its_config():
-    assert set(binary_formats()) == set(reader_names()) - {"custom"}
-    for name in binary_formats():
-        ground_z = reader_of(name).ground_z
-        config = yaml.safe_load((CONF / f"{name}.yaml").read_text(encoding="utf-8"))
-        assert config["ground_z"] == ground_z
 
 
 @pytest.mark.skipif(not (REAL / "kitti00_south").is_dir(), reason="real KITTI scans are not here")
