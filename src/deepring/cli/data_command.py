@@ -5,7 +5,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from deepring.data.check import check, report_lines
+from deepring.data.check import check
+from deepring.data.check_table import report_lines
 from deepring.data.readers import reader_names
 from deepring.progress import progress_bar
 
