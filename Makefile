@@ -6,13 +6,15 @@ INSTALLED := $(VENV)/.installed
 SEED ?= 0
 DEMO_DATA := outputs/datasets/sim_nclt$(if $(filter-out 0,$(SEED)),_seed$(SEED))
 
+MUTANTS ?=
 SEEDS ?= 0 1 2
 comma := ,
 nothing :=
 space := $(nothing) $(nothing)
 SWEEP := seed=$(subst $(space),$(comma),$(strip $(SEEDS))) hydra/launcher=joblib
 
-.PHONY: help install demo ablations compare weights test test-slow lint bench clean
+.PHONY: help install demo ablations compare weights test test-slow lint coverage mutation hooks \
+  bench clean
 
 help:
 	@echo "make demo       simulate, train, evaluate, print the results (SEED=0)"
@@ -21,7 +23,11 @@ help:
 	@echo "make weights    train the network that comes with the package, on worlds of its own"
 	@echo "make test       lint, types, import directions and the default tests"
 	@echo "make test-slow  the long tests"
-	@echo "make bench      all stages beside the usual routes, to outputs/bench (BENCH="--most 1000000")"
+	@echo "make lint       formatting, lint, types and import directions alone"
+	@echo "make coverage   the default tests with coverage of the package, lines and branches"
+	@echo "make mutation   mutants of core/ and the metrics that no test kills (MUTANTS='deepring.core.radon*')"
+	@echo "make hooks      run make lint's checks before every commit (pre-commit)"
+	@echo "make bench      all stages beside the usual routes, to outputs/bench (BENCH='--most 1000000')"
 	@echo "make clean      remove .venv and caches; outputs/ stays"
 
 install: $(INSTALLED)
@@ -86,8 +92,21 @@ lint: install
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+coverage: install
+	$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report=term:skip-covered
+
+# mutants/ holds a changed copy of the package and the results; delete it to begin anew.
+mutation: install
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[mutation]'
+	$(BIN)/mutmut run $(MUTANTS)
+	$(BIN)/mutmut results
+
+hooks: install
+	$(BIN)/pre-commit install
+
 bench: install
 	$(BIN)/python benchmarks/bench.py $(BENCH)
 
 clean:
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache \
+	  .coverage* htmlcov mutants

@@ -75,7 +75,7 @@ def measure(runs: int) -> dict[str, object]:
 
     from deepring.methods.deepring import DeepRing, DeepRingSettings
     from deepring.rasters.bev import bev_occupancy
-    from deepring.training.losses import OneShotCrossEntropy
+    from deepring.training.episodes import OneShotCrossEntropy
 
     torch.manual_seed(0)
     rng = np.random.default_rng(0)

@@ -171,7 +171,7 @@ def vector_stage(runs: int, sizes: tuple[int, ...], width: int = 256) -> Iterato
         index.add(torch.randn(n, width, generator=generator))
         query = torch.randn(1, width, generator=generator)
         seconds = timed(lambda index=index, query=query: index.search(query), runs)
-        yield Row("search", "vectors of 256, L2 (FAISS)", n, *seconds, "query")
+        yield Row("search", "vectors of 256, L2", n, *seconds, "query")
 
 
 def bytes_of_a_place(angles: int, columns: int) -> dict[str, int]:

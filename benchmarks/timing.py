@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-PACKAGES = ("torch", "numpy", "numba", "scipy", "scikit-image", "faiss-cpu")
+PACKAGES = ("torch", "numpy", "numba", "scipy", "scikit-image")
 
 
 @dataclass(frozen=True)

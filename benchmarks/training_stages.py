@@ -10,7 +10,7 @@ from timing import Row, timed
 
 from deepring.core.radon import radon
 from deepring.methods.deepring import DeepRing, DeepRingSettings
-from deepring.training.losses import OneShotCrossEntropy
+from deepring.training.episodes import OneShotCrossEntropy
 
 WAYS, SCANS = 24, 7
 

@@ -1,25 +1,24 @@
 """`deepring case-study`, called as the command line calls it."""
 
 import csv
-import os
 import shutil
 from pathlib import Path
 
 import pytest
 import yaml
 
-from deepring.cli.case_study_command import case_study_command
 from deepring.data.readers.formats import FORMATS
 from deepring.data.readers.scan_files import BINARY
 from deepring.errors import BrokenScanError, DeepringError
+from helpers.cli import deepring, refused, work_of
+from helpers.real_data import real_data
 
-REAL = Path(os.environ.get("DEEPRING_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))
 CONF = Path(__file__).parents[2] / "conf" / "data"
 FILES = ["case_study.csv", "case_study.png", "case_study_error.png"]
 
 
 def study(output, *arguments, pairs=2):
-    case_study_command([*map(str, arguments), "--pairs", str(pairs), "-o", str(output)])
+    work_of("case-study", *arguments, "--pairs", pairs, "-o", output)
     assert sorted(path.name for path in output.iterdir()) == FILES
     with (output / "case_study.csv").open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
@@ -96,7 +95,7 @@ def test_broken_scans_of_a_dataset_are_left_out_and_counted(tiny_nclt, tmp_path,
     for path in scans[:2]:
         path.write_bytes(bytes(80))
     with pytest.raises(DeepringError, match="none of its"):
-        case_study_command([str(damaged), "-o", str(tmp_path / "none")])
+        work_of("case-study", damaged, "-o", tmp_path / "none")
     assert not (tmp_path / "none").exists()
 
 
@@ -110,21 +109,19 @@ def test_broken_scans_of_a_dataset_are_left_out_and_counted(tiny_nclt, tmp_path,
         (["nowhere"], ["nowhere"]),
         (["{root}", "--session", "1999-01-01"], ["1999-01-01", "2031-02-04"]),
         (["{root}", "--format", "kitti"], ["NCLT"]),
-        (["{root}", "--pairs", "0"], ["--pairs 0"]),
-        (["{root}", "--seed", "-1"], ["--seed -1"]),
-        (["{root}", "--translation", "71"], ["--translation 71", "70"]),
-        (["{root}", "--translation", "nan"], ["--translation nan"]),
-        (["{root}", "--rotation", "inf"], ["--rotation inf"]),
-        (["{root}", "-o", "{scan}"], ["is a file"]),
+        (["{root}", "--pairs", "0"], ["--pairs: 0"]),
+        (["{root}", "--seed", "-1"], ["--seed: -1"]),
+        (["{root}", "--translation", "71"], ["--translation: 71", "70"]),
+        (["{root}", "--translation", "nan"], ["--translation: nan"]),
+        (["{root}", "--rotation", "inf"], ["--rotation: inf"]),
+        (["{root}", "-o", "{scan}"], ["--output: ", "is a file"]),
     ],
 )
 def test_mistakes_are_named_and_write_nothing(arguments, words, tiny_nclt, scan_files, tmp_path):
     places = {"scan": scan_files[0], "root": tiny_nclt}
     filled = [argument.format(**places) for argument in arguments]
-    output = [] if "-o" in filled else ["-o", str(tmp_path / "out")]
-    with pytest.raises(DeepringError) as caught:
-        case_study_command([*filled, *output])
-    assert all(word in str(caught.value) for word in words), caught.value
+    output = [] if "-o" in filled else ["-o", tmp_path / "out"]
+    refused(deepring("case-study", *filled, *output, cwd=tmp_path), *words)
     assert not list(tmp_path.iterdir())
 
 
@@ -132,7 +129,7 @@ def test_a_file_without_a_visible_point_is_named_with_its_format(tmp_path):
     path = tmp_path / "1.bin"
     path.write_bytes(bytes(80))
     with pytest.raises(BrokenScanError, match=r"1\.bin: 10 points as nclt"):
-        case_study_command(["--format", "nclt", str(path), "-o", str(tmp_path / "out")])
+        work_of("case-study", "--format", "nclt", path, "-o", tmp_path / "out")
 
 
 def test_every_format_of_files_has_a_reader_and_the_ground_height_of_its_config():
@@ -143,16 +140,14 @@ def test_every_format_of_files_has_a_reader_and_the_ground_height_of_its_config(
         assert config["ground_z"] == ground_z
 
 
-@pytest.mark.skipif(not (REAL / "kitti00_south").is_dir(), reason="real KITTI scans are not here")
 def test_real_kitti_scans(tmp_path):
-    rows = study(tmp_path / "folder", REAL / "kitti00_south", pairs=8)
+    rows = study(tmp_path / "folder", real_data("kitti00_south"), pairs=8)
     holds(rows)
     assert mean(rows, "SG", "translation", "20") < mean(rows, "SG", "unrelated", "")
-    scans = sorted((REAL / "kitti00_south" / "velodyne").glob("*.bin"))
+    scans = sorted(real_data("kitti00_south", "velodyne").glob("*.bin"))
     holds(study(tmp_path / "files", "--format", "kitti", scans[0], scans[-1]))
 
 
-@pytest.mark.skipif(not (REAL / "nclt_scans").is_dir(), reason="real NCLT scans are not here")
 def test_real_nclt_scans(tmp_path):
-    scans = sorted((REAL / "nclt_scans").glob("*.bin"))
+    scans = sorted(real_data("nclt_scans").glob("*.bin"))
     holds(study(tmp_path / "out", "--format", "nclt", *scans, pairs=4))

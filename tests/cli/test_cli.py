@@ -1,58 +1,34 @@
 """The command line as a user types it: what works, and each mistake as one clear error."""
 
-import json
 import os
 import shutil
 import signal
 import socket
 import subprocess
-import sys
 import time
 from functools import partial
-from pathlib import Path
 
 import pytest
 import torch
 
-SMALL = [
-    "episode.ways=2",
-    "episode.queries=1",
-    "episode.per_epoch=1",
-    "trainer.max_epochs=1",
-    "trainer.log_every_n_steps=1",
-    "data.spacing.train=1",
-    "data.regions.validation_share=0.3",
-    "data.regions.margin=1",
-]
+from deepring import __version__
+from deepring.cli.commands import COMMANDS
+from helpers.cli import DEEPRING, SMALL, deepring, deepring_process, refused
 
 
-def deepring(*arguments, cwd):
-    """Run the installed command; no traceback may ever show."""
-    command = [str(Path(sys.executable).with_name("deepring")), *map(str, arguments)]
-    environment = {**os.environ, "COLUMNS": "120"}
-    done = subprocess.run(
-        command, cwd=cwd, capture_output=True, text=True, env=environment, check=False
-    )
-    assert "Traceback" not in done.stderr + done.stdout
-    return done
+def test_the_installed_command_says_what_there_is(tmp_path):
+    done = deepring_process("--help", cwd=tmp_path)
+    assert done.returncode == 0
+    assert all(command in done.stdout for command in COMMANDS)
+    assert deepring_process("--version", cwd=tmp_path).stdout == f"deepring {__version__}\n"
 
 
-def refused(done, *words):
-    """It failed, and said why in so many words on standard error."""
-    assert done.returncode != 0
-    for word in words:
-        assert word in done.stderr
-    return done
-
-
-def test_help_and_version_are_quick_to_say_what_there_is(tmp_path):
-    for arguments in (["--help"], ["train", "--help"], ["simulate", "--help"], ["data", "-h"]):
-        done = deepring(*arguments, cwd=tmp_path)
-        assert done.returncode == 0
-        assert "deepring" in done.stdout
-    assert deepring("--version", cwd=tmp_path).stdout.startswith("deepring 0.")
+def test_no_command_and_an_unknown_one_are_mistakes(tmp_path):
     assert deepring(cwd=tmp_path).returncode == 2
-    refused(deepring("trane", cwd=tmp_path), "trane")
+    refused(deepring("trane", cwd=tmp_path), "trane: no such command, expected train, evaluate")
+    refused(deepring("map", "bild", cwd=tmp_path), "COMMAND: 'bild', expected one of", "'build'")
+    refused(deepring("map", cwd=tmp_path), "missing: COMMAND")
+    refused(deepring("data", "check", ".", "--fast", cwd=tmp_path), "unknown: --fast")
 
 
 def test_train_then_evaluate_its_checkpoint_then_resume(tiny_nclt, tmp_path):
@@ -74,7 +50,7 @@ def test_train_then_evaluate_its_checkpoint_then_resume(tiny_nclt, tmp_path):
     before, last = run.resolve(), run / "checkpoints" / "last.ckpt"
     state, config = torch.load(last, weights_only=True), (run / "config.yaml").read_text()
     resume = ["resume=outputs/demo/latest/checkpoints/last.ckpt", f"data.root={tiny_nclt}"]
-    epochs = ["trainer.max_epochs=2", "episode.per_epoch=3", "evaluate=false"]
+    epochs = ["trainer.max_epochs=2", "sampling.per_epoch=3", "evaluate=false"]
     more = deepring("train", "experiment=demo", *SMALL, *resume, *epochs, cwd=tmp_path)
     assert more.returncode == 0, more.stderr
     assert run.resolve() == before
@@ -94,7 +70,7 @@ MISTAKES = [
     (["data=nclt", "data.root=nowhere"], ["nowhere"]),
     (["data=ncltt", "data.root=x"], ["ncltt", "sim_nclt"]),
     (["data.rooot=x"], ["rooot"]),
-    (["episode.ways=many"], ["episode.ways", "many"]),
+    (["sampling.ways=many"], ["sampling.ways", "many"]),
     (["checkpoint=gone.ckpt", "data.root={tiny}"], ["gone.ckpt"]),
     (["data.root={tiny}", "data.database='1999-01-01'"], ["1999-01-01", "2031-02-04"]),
     (["data.root={tiny}", "data=sim_mulran"], ["nclt"]),
@@ -112,54 +88,11 @@ MISTAKES = [
     (["data.root={tiny}", "paths.outputs=/dev/null/x"], ["/dev/null/x"]),
 ]
 
-#: Imports once, and runs each command of standard input in a process of its own.
-FORKED = """
-import contextlib, json, os, sys, tempfile
-import deepring.cli.train_commands
-from deepring.cli.main import main
 
-for line in sys.stdin:
-    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as errors:
-        child = os.fork()
-        if child == 0:
-            os.dup2(out.fileno(), 1), os.dup2(errors.fileno(), 2)
-            try:
-                main(json.loads(line))
-                status = 0
-            except SystemExit as stopped:
-                status = stopped.code
-            sys.stdout.flush(), sys.stderr.flush()
-            os._exit(status)
-        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-        out.seek(0), errors.seek(0)
-        print(json.dumps([status, out.read(), errors.read()]), flush=True)
-"""
-
-
-@pytest.fixture(scope="module")
-def answers(tiny_nclt, tmp_path_factory):
-    """What `deepring evaluate` says to each of `MISTAKES`."""
-    commands = [
-        ["evaluate", *(argument.format(tiny=tiny_nclt) for argument in arguments)]
-        for arguments, _ in MISTAKES
-    ]
-    lines = "".join(json.dumps(command) + "\n" for command in commands)
-    done = subprocess.run(
-        [sys.executable, "-c", FORKED],
-        input=lines,
-        capture_output=True,
-        text=True,
-        cwd=tmp_path_factory.mktemp("mistakes"),
-        check=True,
-    )
-    found = [json.loads(line) for line in done.stdout.splitlines()]
-    return [subprocess.CompletedProcess(c, *f) for c, f in zip(commands, found, strict=True)]
-
-
-@pytest.mark.parametrize("case", range(len(MISTAKES)), ids=[str(words) for _, words in MISTAKES])
-def test_mistakes_of_evaluate_are_one_error_each(answers, case):
-    done = refused(answers[case], *MISTAKES[case][1])
-    assert "Traceback" not in done.stderr + done.stdout
+@pytest.mark.parametrize(("overrides", "words"), MISTAKES, ids=[str(w) for _, w in MISTAKES])
+def test_mistakes_of_evaluate_are_one_error_each(overrides, words, tiny_nclt, tmp_path):
+    filled = [override.format(tiny=tiny_nclt) for override in overrides]
+    refused(deepring("evaluate", *filled, cwd=tmp_path), *words)
 
 
 def test_data_check_reports_and_tells_by_its_exit_code(tiny_nclt, tmp_path):
@@ -206,7 +139,9 @@ def test_simulate_resumes_and_never_overwrites(tmp_path):
 @pytest.mark.slow  # two nodes of one process each do the same
 def test_two_processes_train_one_network(tiny_nclt, tmp_path):
     options = [*SMALL, "trainer.accelerator=cpu", "trainer.devices=2", "trainer.strategy=ddp"]
-    done = deepring("train", "experiment=demo", f"data.root={tiny_nclt}", *options, cwd=tmp_path)
+    done = deepring_process(
+        "train", "experiment=demo", f"data.root={tiny_nclt}", *options, cwd=tmp_path
+    )
     assert done.returncode == 0, done.stderr
     runs = [p for p in (tmp_path / "outputs" / "demo").iterdir() if not p.is_symlink()]
     assert len(runs) == 1
@@ -222,7 +157,7 @@ def test_two_nodes_train_one_network(tiny_nclt, tmp_path):
         port = probe.getsockname()[1]
     options = [*SMALL, "trainer.accelerator=cpu", "trainer.num_nodes=2", "trainer.strategy=ddp"]
     command = [
-        Path(sys.executable).with_name("deepring"),
+        DEEPRING,
         *("train", "experiment=demo", f"data.root={tiny_nclt}", "hydra.run.dir=outputs/both"),
         *options,
     ]
@@ -250,8 +185,7 @@ def test_two_nodes_train_one_network(tiny_nclt, tmp_path):
 
 def test_an_interrupted_training_says_how_to_go_on_and_does(tiny_nclt, tmp_path):
     options = ["experiment=demo", f"data.root={tiny_nclt}", *SMALL, "evaluation.figures=false"]
-    command = [Path(sys.executable).with_name("deepring"), "train", *options]
-    long = [*map(str, command), "trainer.max_epochs=5000"]
+    long = [DEEPRING, "train", *options, "trainer.max_epochs=5000"]
     # Where the suite itself runs in the background, SIGINT would be inherited as ignored.
     heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     with subprocess.Popen(

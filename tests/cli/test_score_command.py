@@ -2,15 +2,12 @@
 
 import pytest
 
-from deepring.cli.console import mistakes_reported
-from deepring.cli.main import COMMANDS, USAGE, main
-from deepring.cli.score_command import score_command
-from deepring.errors import DeepringError
 from deepring.evaluation.protocol import evaluate_method
 from deepring.evaluation.results import read_results
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
 from deepring.rasters import BevRaster, ContextRaster
+from helpers.cli import deepring, refused, work_of
 from helpers.drives import road_task
 
 METHODS = {
@@ -27,8 +24,8 @@ def run(tmp_path_factory):
     rows = []
     for label, method in METHODS.items():
         task = road_task(method.raster)
-        evaluate_method(label, method, task, export=folder / "descriptors")
-        rows += evaluate_method(label, method, task, RADII).results
+        evaluate_method(task.case(label), method, task, export=folder / "descriptors")
+        rows += evaluate_method(task.case(label), method, task, RADII).results
     return folder, rows
 
 
@@ -43,7 +40,7 @@ def shown(out):
 def test_the_figures_are_those_of_an_evaluation_at_these_radii(run, tmp_path, capsys):
     folder, rows = run
     path = tmp_path / "new" / "results.csv"
-    score_command([str(folder), "--radii", "5,12", "-o", str(path)])
+    work_of("score", folder, "--radii", "5,12", "-o", path)
     out = capsys.readouterr().out
     assert "right within 5 m, recall over answerable queries" in out
     assert "Recall@1 over answerable queries" in out
@@ -63,7 +60,7 @@ def rates(row):
 def test_by_default_nothing_is_written_and_the_protocol_s_radii_are_shown(run, capsys):
     folder, _ = run
     before = sorted(folder.rglob("*"))
-    score_command([str(folder / "descriptors")])
+    work_of("score", folder / "descriptors")
     out = capsys.readouterr().out
     assert "right within 10 m" in out
     assert header(out)[-10:] == ["5", "m", "10", "m", "15", "m", "20", "m", "25", "m"]
@@ -76,7 +73,7 @@ def header(out):
 
 def test_one_radius_over_all_queries_is_one_table(run, capsys):
     folder, _ = run
-    score_command([str(folder), "--radii", "5", "--over", "all"])
+    work_of("score", folder, "--radii", "5", "--over", "all")
     out = capsys.readouterr().out
     assert "recall over all queries" in out
     assert "Recall@1 over" not in out
@@ -85,37 +82,29 @@ def test_one_radius_over_all_queries_is_one_table(run, capsys):
 def test_an_existing_file_is_not_overwritten(run, tmp_path):
     path = tmp_path / "results.csv"
     path.write_text("precious")
-    with pytest.raises(DeepringError, match=r"results\.csv: exists, expected a new file"):
-        score_command([str(run[0]), "-o", str(path)])
+    refused(deepring("score", run[0], "-o", path, cwd=tmp_path), "results.csv exists", "--output")
     assert path.read_text() == "precious"
 
 
 @pytest.mark.parametrize("radii", ["", "ten", "10,", "10,10", "0", "-5", "nan", "inf"])
-def test_radii_that_are_none_are_refused(run, radii):
-    with pytest.raises(DeepringError, match=r"--radii '.*': expected different lengths in metres"):
-        score_command([str(run[0]), f"--radii={radii}"])
+def test_radii_that_are_none_are_refused(run, radii, tmp_path):
+    done = deepring("score", run[0], f"--radii={radii}", cwd=tmp_path)
+    refused(done, f"--radii: {radii!r}, expected different lengths in metres")
 
 
-def test_an_altered_byte_is_refused(run, tmp_path, capsys):
+def test_an_altered_byte_is_refused(run, tmp_path):
     for path in (run[0] / "descriptors").iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     broken = tmp_path / "RING__road__test__database.safetensors"
     broken.write_bytes(broken.read_bytes()[:-1] + b"\x7f")
-    with pytest.raises(SystemExit) as ended:
-        mistakes_reported(score_command)([str(tmp_path), "-o", str(tmp_path / "results.csv")])
-    assert ended.value.code == 2
-    said = capsys.readouterr()
-    assert f"error: descriptors {broken}: checksum" in said.err
-    assert not said.out
+    done = deepring("score", tmp_path, "-o", "results.csv", cwd=tmp_path)
+    refused(done, f"error: descriptors {broken}: ")
+    assert done.returncode == 2
+    assert not done.stdout
     assert not (tmp_path / "results.csv").exists()
 
 
-def test_the_command_is_known(run, tmp_path, capsys):
-    assert "score" in COMMANDS
-    assert "deepring score FOLDER" in USAGE
-    main(["score", str(run[0]), "--radii", "10"])
-    assert "right within 10 m" in capsys.readouterr().out
-    with pytest.raises(SystemExit) as ended:
-        main(["score", str(tmp_path / "absent")])
-    assert ended.value.code == 2
-    assert "absent: no such folder" in capsys.readouterr().err
+def test_mistakes_are_named(run, tmp_path):
+    refused(deepring("score", tmp_path / "absent", cwd=tmp_path), "absent: no such folder")
+    done = deepring("score", run[0], "--over", "most", cwd=tmp_path)
+    refused(done, "--over: 'most', expected one of answerable, all")

@@ -3,17 +3,16 @@
 import os
 import signal
 import subprocess
-import sys
 import time
 from functools import partial
 from pathlib import Path
 
 import pytest
-from test_cli import SMALL, deepring, refused
 
-from deepring.cli.sweeps import folder_name, naming
-from deepring.cli.train_commands import config_folder
 from deepring.evaluation.results import read_results
+from deepring.experiment.config_folder import config_folder
+from deepring.experiment.sweep_names import folder_name, naming
+from helpers.cli import DEEPRING, SMALL, deepring, deepring_process, refused
 
 QUICK = [*SMALL, "evaluation.figures=false"]
 LONG = [a for a in QUICK if not a.startswith("trainer.max_epochs")]
@@ -22,7 +21,7 @@ LONG = [a for a in QUICK if not a.startswith("trainer.max_epochs")]
 @pytest.fixture
 def start(tmp_path):
     """Starts a sweep in the background, in a process group of its own that ends with the test."""
-    command = [str(Path(sys.executable).with_name("deepring")), "train", "-m"]
+    command = [DEEPRING, "train", "-m"]
     begun = []
 
     def started(arguments):
@@ -120,29 +119,28 @@ def test_a_killed_sweep_started_again_ends_in_the_same_figures(tiny_nclt, tmp_pa
         *(f"data.root={tiny_nclt}", "trainer.max_epochs=40", *LONG),
     ]
     sweeps = tmp_path / "outputs" / "sweeps"
-    whole = start([*command, "sweep_name=whole"])
     killed = start([*command, "sweep_name=killed"])
     job = sweeps / "demo_killed" / "seed-0+variant-ours"
     wait_for(job / "checkpoints" / "last.ckpt", killed)
     os.killpg(killed.pid, signal.SIGKILL)
     killed.communicate()
     assert not (job / "results.csv").exists()  # in mid-run, indeed
-    again = start([*command, "sweep_name=killed"])
-    output = again.communicate(timeout=240)[0]
-    assert again.returncode == 0, output
-    assert "seed-0+variant-ours: going on from" in output
-    assert "seed-0+variant-gap: going on" not in output
-    output = whole.communicate(timeout=240)[0]
-    assert whole.returncode == 0, output
+    again = deepring("train", "-m", *command, "sweep_name=killed", cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert "seed-0+variant-ours: going on from" in again.stdout
+    assert "seed-0+variant-gap: going on" not in again.stdout
+    whole = deepring("train", "-m", *command, "sweep_name=whole", cwd=tmp_path)
+    assert whole.returncode == 0, whole.stderr
     assert not list((sweeps / "demo_whole").glob(".outcomes*"))
     assert len(rates(sweeps / "demo_whole")) == 2
     assert rates(sweeps / "demo_killed") == rates(sweeps / "demo_whole")
 
 
+@pytest.mark.slow  # each process imports Lightning; a sweep's outcomes are tested in one process
 @pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
 def test_launchers_run_the_same_jobs(launcher, tiny_nclt, tmp_path):
     limits = {"joblib": "hydra.launcher.n_jobs=2", "submitit_local": "hydra.launcher.timeout_min=5"}
-    done = deepring(
+    done = deepring_process(
         *("train", "-m", "experiment=demo", f"data.root={tiny_nclt}", *QUICK, "seed=0,-1"),
         *(f"hydra/launcher={launcher}", limits[launcher]),
         cwd=tmp_path,
@@ -152,6 +150,7 @@ def test_launchers_run_the_same_jobs(launcher, tiny_nclt, tmp_path):
     assert set(rates(tmp_path / "outputs" / "sweeps" / "demo_sweep")) == {"seed-0"}
 
 
+@pytest.mark.filterwarnings("ignore")  # of optuna 2 and sqlalchemy 1, which the sweeper needs
 def test_the_search_maximises_validation_and_tests_nothing(tiny_nclt, tmp_path):
     done = deepring(
         *("train", "-m", "search=optuna", "experiment=demo", f"data.root={tiny_nclt}"),
@@ -187,6 +186,7 @@ def workers(pid):
     return [int(n) for n in children if b"popen_loky" in Path(f"/proc/{n}/cmdline").read_bytes()]
 
 
+@pytest.mark.slow  # four processes; test_sweep_outcomes.py tests the same without them
 def test_a_killed_worker_loses_no_job(tiny_nclt, tmp_path, start):
     sweep = start(
         [

@@ -6,13 +6,12 @@ import json
 import numpy as np
 import pytest
 
-from deepring.cli.console import mistakes_reported
-from deepring.cli.tables_command import tables_command
 from deepring.errors import DeepringError
-from deepring.evaluation.protocol import Retrieved
+from deepring.evaluation.case import Case
+from deepring.evaluation.matches import TopMatches, write_matches
 from deepring.evaluation.results import Result, write_results
-from deepring.evaluation.retrievals import write_retrievals
 from deepring.experiment.status import Status, write_status
+from helpers.cli import deepring, refused, work_of
 
 
 def train(folder, recall=0.5, seed=0, kind="dft", ways=24, data="sim", status="finished"):
@@ -23,12 +22,12 @@ def train(folder, recall=0.5, seed=0, kind="dft", ways=24, data="sim", status="f
         "representation": {"raster": {"kind": "bev"}},
         "aggregation": {"kind": kind},
         "loss": {"_target_": "losses.OneShotCrossEntropy"},
-        "episode": {"ways": ways},
+        "sampling": {"ways": ways},
     }
     folder.mkdir(parents=True)
     (folder / "config.yaml").write_text(json.dumps(config))
     rates = (recall, 0.9, 0.8, 0.7)
-    result = Result("DeepRING", data, data, "test", 10.0, 50, 100, 50, *rates, 0.01, 0.002)
+    result = Result(Case("DeepRING", data, data, "test"), 10.0, 50, 100, 50, *rates, 0.01, 0.002)
     write_results(folder / "results.csv", [result])
     write_status(folder, Status(status, error="broke" if status == "failed" else None))
 
@@ -48,7 +47,7 @@ def shown(out):
 
 
 def test_the_table_is_printed_and_written_in_every_format(sweep, capsys):
-    tables_command([str(sweep)])
+    work_of("tables", sweep)
     out = capsys.readouterr().out
     assert ["Ours", "SG", "DFT", "CE", "0.850", "±", "0.071", "0.859"] in shown(out)
     assert "left out: sweep/gmp-0: failed: broke" in out
@@ -69,9 +68,9 @@ def test_the_table_is_printed_and_written_in_every_format(sweep, capsys):
 
 
 def test_the_same_command_again_gives_the_same_files(sweep):
-    tables_command([str(sweep)])
+    work_of("tables", sweep)
     before = {path: path.read_bytes() for path in (sweep / "tables").iterdir()}
-    tables_command([str(sweep)])
+    work_of("tables", sweep)
     assert {path: path.read_bytes() for path in (sweep / "tables").iterdir()} == before
 
 
@@ -79,7 +78,7 @@ def test_several_sweeps_into_a_chosen_folder(sweep, tmp_path, capsys):
     for ways in (8, 16):
         train(tmp_path / "way" / str(ways), ways=ways)
     out = tmp_path / "here"
-    tables_command([str(sweep), str(tmp_path / "way"), "-o", str(out)])
+    work_of("tables", sweep, tmp_path / "way", "-o", out)
     stems = {path.stem for path in out.iterdir()}
     assert stems == {"table3", "table4"}
     assert not (sweep / "tables").exists()
@@ -89,24 +88,22 @@ def test_several_sweeps_into_a_chosen_folder(sweep, tmp_path, capsys):
 def test_other_data_needs_mix(sweep, capsys):
     train(sweep / "other", seed=0, kind="gap", data="real")
     with pytest.raises(DeepringError, match=r"data\.name: 'sim' in .*, 'real' in .*/other"):
-        tables_command([str(sweep)])
+        work_of("tables", sweep)
     assert not (sweep / "tables").exists()
-    tables_command([str(sweep), "--mix"])
+    work_of("tables", sweep, "--mix")
     assert "data.name" in capsys.readouterr().out
 
 
 def test_over_all_queries_and_a_radius_that_is_not_there(sweep, capsys):
-    tables_command([str(sweep), "--over", "all"])
+    work_of("tables", sweep, "--over", "all")
     assert "0.425 ± 0.035" in capsys.readouterr().out
     with pytest.raises(DeepringError, match=r"radius 5 m: .*--radius"):
-        tables_command([str(sweep), "--radius", "5"])
+        work_of("tables", sweep, "--radius", "5")
 
 
-def test_a_mistake_ends_with_status_2(tmp_path, capsys):
-    with pytest.raises(SystemExit) as ended:
-        mistakes_reported(tables_command)([str(tmp_path / "absent")])
-    assert ended.value.code == 2
-    assert "absent: no such folder" in capsys.readouterr().err
+def test_a_mistake_ends_with_status_2(tmp_path):
+    done = refused(deepring("tables", "absent", cwd=tmp_path), "absent: no such folder")
+    assert done.returncode == 2
 
 
 def compared(folder, method, kind, trained, seed=0, recall=0.5, retrievals=True):
@@ -128,12 +125,13 @@ def compared(folder, method, kind, trained, seed=0, recall=0.5, retrievals=True)
     for number, test in enumerate(("sim_nclt", "sim_mulran")):
         for region in ("test", "whole"):
             rates = (recall + number / 10, 0.9, 0.8, 0.7)
-            tested = (method, trained, test, region)
-            results.append(Result(*tested, 10.0, 50, 100, 50, *rates, 0.01, 0.002))
+            case = Case(method, trained, test, region)
+            results.append(Result(case, 10.0, 50, 100, 50, *rates, 0.01, 0.002))
             if retrievals:
-                metres = np.arange(100, dtype=np.float32) % 17
-                found = Retrieved(np.zeros(100, np.int64), -metres, None, metres, metres / 2)
-                write_retrievals(folder, *tested, found, np.arange(100), np.arange(50))
+                metres = np.arange(100, dtype=np.float32)[:, None] % 17
+                place, nearest = np.zeros((100, 1), np.int64), metres[:, 0] / 2
+                matches = (np.arange(100), place, -metres, None, metres, nearest)
+                write_matches(folder, TopMatches(case, *matches))
     write_results(folder / "results.csv", results)
     write_status(folder, Status("finished", seconds=90.0 if trained else None))
 
@@ -150,7 +148,7 @@ def comparison(tmp_path):
 
 
 def test_runs_of_several_methods_are_compared(comparison, capsys):
-    tables_command([str(comparison)])
+    work_of("tables", comparison)
     out = capsys.readouterr().out
     assert ["sim_nclt", "RING", "0.500", "±", "0.000", "0.664"] in [row[:6] for row in shown(out)]
     assert ["DiSCO", "0.650", "±", "0.071", "0.793"] in [row[:5] for row in shown(out)]
@@ -177,9 +175,9 @@ def test_runs_of_several_methods_are_compared(comparison, capsys):
 
 
 def test_compared_again_gives_the_same_files_wherever_they_are_written(comparison, tmp_path):
-    tables_command([str(comparison)])
+    work_of("tables", comparison)
     before = {path.name: path.read_bytes() for path in (comparison / "tables").iterdir()}
-    tables_command([str(comparison), "-o", str(tmp_path / "here")])
+    work_of("tables", comparison, "-o", tmp_path / "here")
     assert {path.name: path.read_bytes() for path in (tmp_path / "here").iterdir()} == before
 
 
@@ -187,26 +185,26 @@ def test_without_retrievals_there_is_no_figure_and_a_missing_one_is_named(tmp_pa
     sweep = tmp_path / "sweep"
     compared(sweep / "ring", "RING", "ring.Ring", "", retrievals=False)
     compared(sweep / "disco", "DiSCO", "disco.Disco", "sim_nclt", retrievals=False)
-    tables_command([str(sweep)])
+    work_of("tables", sweep)
     assert "no figure" in capsys.readouterr().out
     assert not (sweep / "tables" / "pr_curves.png").exists()
     compared(sweep / "egonn", "EgoNN", "egonn.EgoNnGlobal", "sim_nclt")
-    tables_command([str(sweep)])
+    work_of("tables", sweep)
     out = capsys.readouterr().out
     assert "no curve     RING, tested on sim_nclt test, seed 0: no retrievals/*.csv" in out
     assert (sweep / "tables" / "pr_curves.png").exists()
 
 
 def test_compared_over_all_queries_at_a_radius_and_mixed(comparison, capsys):
-    tables_command([str(comparison), "--over", "all"])
+    work_of("tables", comparison, "--over", "all")
     assert "0.325 ± 0.035" in capsys.readouterr().out
     with pytest.raises(DeepringError, match=r"radius 5 m: .*--radius"):
-        tables_command([str(comparison), "--radius", "5"])
+        work_of("tables", comparison, "--radius", "5")
     path = comparison / "ring-0" / "config.yaml"
     config = json.loads(path.read_text())
     path.write_text(json.dumps(config | {"preprocessing": {"window": 7}}))
     message = r"preprocessing\.window: None in .*/disco-.*, 7 in .*/ring-0.*--mix"
     with pytest.raises(DeepringError, match=message):
-        tables_command([str(comparison)])
-    tables_command([str(comparison), "--mix"])
+        work_of("tables", comparison)
+    work_of("tables", comparison, "--mix")
     assert "mixed, so that rows may not be comparable" in capsys.readouterr().out

@@ -1,6 +1,3 @@
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -9,13 +6,14 @@ from hypothesis import strategies as st
 from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
 from deepring.data.readers.kitti import list_kitti, open_kitti, read_calibration, read_kitti_scan
 from deepring.errors import BrokenScanError, DeepringError
+from helpers.real_data import real_data
 
-REAL = Path(os.environ.get("DEEPRING_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))
 SAME_FOLDER = settings(
     deadline=None,
     max_examples=50,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
+
 # LiDAR (x forward, y left, z up) to camera (x right, y down, z forward), with a lever arm.
 TR = pose_from([[0, -1, 0], [0, 0, -1], [1, 0, 0]], [0.01, -0.07, -0.27])
 IDENTITY = np.eye(4)
@@ -202,9 +200,8 @@ def test_any_bytes_decode_or_are_a_broken_scan(tmp_path, data):
             read_kitti_scan(path)
 
 
-@pytest.mark.skipif(not (REAL / "kitti00_south").is_dir(), reason="real KITTI scans are not here")
 def test_real_drive():
-    session = open_kitti(REAL / "kitti00_south")
+    session = open_kitti(real_data("kitti00_south"))
     assert len(session) == 974
     assert session.stamps is None
     assert str(session.skipped) == ""
@@ -220,8 +217,7 @@ def test_real_drive():
     assert edges[counts.argmax()] == pytest.approx(-1.8, abs=0.3)
 
 
-@pytest.mark.skipif(not (REAL / "kitti08_pair").is_dir(), reason="real KITTI scans are not here")
 def test_real_scans_as_published():
-    points = read_kitti_scan(REAL / "kitti08_pair" / "000720.bin")
+    points = read_kitti_scan(real_data("kitti08_pair", "000720.bin"))
     assert points.shape == (2026576 // 16, 3)
     assert np.abs(points).max() < 130

@@ -1,6 +1,4 @@
-import os
 import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +16,8 @@ from deepring.data.readers.nclt import (
     read_velodyne_hits,
 )
 from deepring.errors import BrokenScanError, DeepringError
+from helpers.real_data import real_data
 
-REAL = Path(os.environ.get("DEEPRING_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))
 DATE = "2012-02-04"
 START = 1328398800000000  # microseconds
 SAME_FOLDER = settings(
@@ -283,10 +281,9 @@ def test_packets_without_magic_and_missing_files_are_broken(tmp_path):
         list(read_velodyne_hits(tmp_path / "none.bin"))
 
 
-@pytest.mark.skipif(not (REAL / "nclt_scans").is_dir(), reason="real NCLT scans are not here")
 @pytest.mark.parametrize(("name", "count"), [("1326652795280148", 23546), ("disco_test", 26941)])
 def test_real_scans(name, count):
-    scan = decode_nclt((REAL / "nclt_scans" / f"{name}.bin").read_bytes())
+    scan = decode_nclt(real_data("nclt_scans", f"{name}.bin").read_bytes())
     points = scan.points
     assert points.shape == (count, 3)
     assert set(scan.laser) == set(range(32))

@@ -26,7 +26,7 @@ def network(seed=0, **changes):
 
 def test_the_fingerprint_of_a_method_without_weights():
     assert fingerprint(Ring(angles=60)) == {
-        "class": "deepring.methods.ring.Ring",
+        "method": "ring",
         "raster": {**raster_settings(BevRaster()), "preprocessing": preprocessing()},
         "raster_version": RASTER_VERSION,
         "values": {"angles": 60, "bins": 120, "correlation": "paper"},
@@ -40,7 +40,7 @@ def preprocessing():
 
 def test_the_fingerprint_of_a_network_counts_its_weights():
     ours = fingerprint(network())
-    assert ours["class"] == "deepring.methods.deepring.DeepRing"
+    assert ours["method"] == "deepring"
     assert ours["settings"] == json.loads(json.dumps(network().settings.to_dict()))
     assert ours == fingerprint(network())
     assert first_difference(ours, fingerprint(network(seed=1)))[0] == "weights"
@@ -74,7 +74,7 @@ def test_the_first_difference_is_named_with_both_values():
     assert differ(Ring(), Ring()) is None
     assert differ(Ring(), Ring(low)) == ("raster.preprocessing.height", [-5, 20], [1, 20])
     assert differ(Ring(), Ring(angles=60)) == ("values.angles", 120, 60)
-    assert differ(Ring(), ScanContext(ContextRaster()))[0] == "class"
+    assert differ(Ring(), ScanContext(ContextRaster())) == ("method", "ring", "scan_context")
     assert differ(network(), network(normalisation="standard")) == (
         "settings.normalisation",
         "unit",

@@ -13,47 +13,34 @@ from deepring.evaluation.descriptors import (
     write_descriptors,
 )
 from deepring.evaluation.fingerprint import fingerprint
+from deepring.evaluation.matches import COLUMNS
 from deepring.evaluation.protocol import evaluate_method
 from deepring.evaluation.scoring import (
     Pair,
     find_pairs,
-    rebuild_method,
     score_descriptors,
     score_pair,
 )
-from deepring.methods.base import Comparison
-from deepring.methods.deepring import DeepRing, DeepRingSettings
-from deepring.methods.disco import Disco, DiscoSettings
+from deepring.methods import registry
+from deepring.methods.base import Comparison, rebuild_method
+from deepring.methods.deepring import DeepRing
 from deepring.methods.network import NetworkMethod
+from deepring.methods.registry import register_method, registered_methods
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
-from deepring.rasters import BevRaster, ContextRaster, HeightRaster, Preprocessing, raster_settings
+from deepring.rasters import BevRaster, Preprocessing, raster_settings
 from helpers.drives import PLACES, QUERIES, road_task
-
-BEV = BevRaster(cells=24)
-CONTEXT = ContextRaster(sectors=24, rings=8)
-HEIGHTS = HeightRaster(layers=2, sectors=24, rings=16)
-
-
-def deepring(seed=0, **changes):
-    torch.manual_seed(seed)
-    values = {"raster": raster_settings(BEV), "angles": 24, "bins": 24, "widths": (4, 6)}
-    return DeepRing(DeepRingSettings(**{**values, **changes}))
-
-
-def disco():
-    torch.manual_seed(0)
-    return Disco(DiscoSettings(raster=raster_settings(HEIGHTS), widths=(4, 6), size=8))
-
+from helpers.tiny_methods import BEV, CONTEXT, TINY, deepring
 
 METHODS = {
-    "RING": lambda: Ring(BEV, angles=24, bins=24),
-    "Scan Context": lambda: ScanContext(CONTEXT),
+    **TINY,
     "Scan Context, 3 candidates": lambda: ScanContext(CONTEXT, candidates=3),
-    "DeepRING": deepring,
     "DeepRING by cosine": lambda: deepring(aggregation="gap", similarity="cosine"),
-    "DiSCO": disco,
 }
+
+
+def test_every_registered_method_is_among_them():
+    assert set(TINY) == set(registered_methods())
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +52,7 @@ def exported(tmp_path_factory):
         if label not in found:
             method, folder = METHODS[label](), tmp_path_factory.mktemp("exported")
             task = road_task(method.raster)
-            outcome = evaluate_method(label, method, task, train="city", export=folder)
+            outcome = evaluate_method(task.case(label, "city"), method, task, export=folder)
             (pair,) = find_pairs(folder)
             sides = read_descriptors(pair.query), read_descriptors(pair.database)
             found[label] = method, task, outcome, pair, *sides
@@ -79,11 +66,10 @@ def assert_same(ours, theirs):
     assert [replace(row, seconds_per_query=0) for row in ours.results] == [
         replace(row, seconds_per_query=0) for row in theirs.results
     ]
-    for a, b in zip(ours.curve, theirs.curve, strict=True):
-        assert torch.equal(a, b)
-    for name, values in vars(theirs.retrieved).items():
-        np.testing.assert_array_equal(getattr(ours.retrieved, name), values, err_msg=name)
-    assert ours.method == theirs.method
+    assert ours.case == theirs.case
+    for name in COLUMNS:
+        values = getattr(theirs.matches, name)
+        np.testing.assert_array_equal(getattr(ours.matches, name), values, err_msg=name)
 
 
 @pytest.mark.parametrize("label", METHODS)
@@ -97,11 +83,11 @@ def test_the_outcome_is_that_of_the_evaluation(label, exported):
     assert all(r.seconds_per_query > 0 for r in score_pair(pair).results)
 
 
-@pytest.mark.parametrize("label", ["RING", "DeepRING"])
+@pytest.mark.parametrize("label", ["ring", "deepring"])
 def test_other_radii_give_what_an_evaluation_at_them_gives(label, exported):
     method, task, _, pair, query, _ = exported(label)
     radii = (3.0, 40.0, 12.5)
-    outcome = evaluate_method(label, method, task, radii, train="city")
+    outcome = evaluate_method(task.case(label, "city"), method, task, radii)
     rescored = score_pair(pair, radii)
     assert [row.radius_m for row in rescored.results] == [3.0, 40.0, 12.5]
     per_scan = query.seconds_per_scan
@@ -110,16 +96,16 @@ def test_other_radii_give_what_an_evaluation_at_them_gives(label, exported):
 
 
 def test_turned_queries_are_known_as_such(tmp_path):
-    method = METHODS["RING"]()
+    method = METHODS["ring"]()
     task = road_task(method.raster, turned=True)
-    evaluate_method("RING", method, task, export=tmp_path)
+    evaluate_method(task.case("RING"), method, task, export=tmp_path)
     (pair,) = find_pairs(tmp_path)
-    assert np.array_equal(read_descriptors(pair.query).turns, task.query.scans.turns)
+    assert np.array_equal(read_descriptors(pair.query).turns, task.scans.query.turns)
     assert read_descriptors(pair.database).turns is None
 
 
 def test_progress_is_told(exported):
-    method, _, _, _, query, database = exported("RING")
+    method, _, _, _, query, database = exported("ring")
     told = []
     score_descriptors(method, query, database, progress=lambda *counts: told.append(counts))
     assert told == [(64, 70), (70, 70)]
@@ -131,14 +117,14 @@ def refuses(message, method, query, database, radii=(10.0,)):
 
 
 def test_ring_against_scan_context_is_refused(exported):
-    ring, *_, query, _ = exported("RING")
-    *_, database = exported("Scan Context")
-    message = r"class is 'deepring\.methods\.ring\.Ring' for the query's and 'deepring\.methods\."
-    refuses(message + r"scan_context\.ScanContext' for the database's", ring, query, database)
+    ring, *_, query, _ = exported("ring")
+    *_, database = exported("scan_context")
+    message = r"made_by\.method is 'ring' for the query's and 'scan_context' for the database's"
+    refuses(message, ring, query, database)
 
 
 def test_other_preprocessing_is_refused(exported):
-    method, *_, query, database = exported("RING")
+    method, *_, query, database = exported("ring")
     low = BevRaster(cells=24, preprocessing=Preprocessing(height=(1.0, 20.0)))
     other = Ring(low, angles=24, bins=24)
     made = replace(database, made_by=fingerprint(other))
@@ -150,14 +136,14 @@ def test_other_preprocessing_is_refused(exported):
 
 
 def test_other_weights_are_refused(exported):
-    method, *_, query, database = exported("DeepRING")
+    method, *_, query, database = exported("deepring")
     made = replace(database, made_by=fingerprint(deepring(seed=1)))
     refuses(r"weights is '\w{64}' for the query's and '\w{64}' for", method, query, made)
     refuses(r"weights is '\w{64}' for the method", deepring(seed=1), query, database)
 
 
 def test_rasters_of_two_versions_are_refused_together_but_each_is_scored(exported):
-    method, _, outcome, _, query, database = exported("RING")
+    method, _, outcome, _, query, database = exported("ring")
     made_by = {**query.made_by, "raster_version": 0}
     query = replace(query, made_by=made_by)
     refuses("raster_version is 0 for the query's and 1 for", method, query, database)
@@ -165,19 +151,21 @@ def test_rasters_of_two_versions_are_refused_together_but_each_is_scored(exporte
 
 
 def test_a_method_that_did_not_make_them_is_refused(exported):
-    *_, query, database = exported("RING")
-    refuses("class is .*ScanContext' for the method", ScanContext(CONTEXT), query, database)
+    *_, query, database = exported("ring")
+    refuses(
+        "made_by.method is 'scan_context' for the method", ScanContext(CONTEXT), query, database
+    )
     refuses("values.angles is 12 for the method and 24", Ring(BEV, 12, 24), query, database)
 
 
 @pytest.mark.parametrize("key", ["test", "region", "method", "train"])
 def test_sides_of_two_tests_are_refused(key, exported):
-    ring, *_, query, database = exported("RING")
+    ring, *_, query, database = exported("ring")
     refuses(f"{key} is '.*' for the query's and 'x'", ring, query, replace(database, **{key: "x"}))
 
 
 def test_sides_in_the_wrong_place_and_of_other_shapes_are_refused(exported):
-    ring, *_, query, database = exported("RING")
+    ring, *_, query, database = exported("ring")
     refuses("given as the query, but they are the database's", ring, database, query)
     refuses("given as the database, but they are the query's", ring, query, query)
     narrow = replace(database, descriptors=database.descriptors[:, :, :5])
@@ -185,18 +173,18 @@ def test_sides_in_the_wrong_place_and_of_other_shapes_are_refused(exported):
 
 
 def test_queries_without_an_answer_are_refused_with_the_nearest_place(exported):
-    ring, *_, query, database = exported("RING")
+    ring, *_, query, database = exported("ring")
     far = replace(query, positions=query.positions + np.array([0, 500]))
     message = r"road, region test: radius 10 m: 0 of 70 queries .* nearest lies at 500 m; .* wider"
     refuses(message, ring, far, database)
     assert score_descriptors(ring, far, database, (501.0,)).results[0].answerable > 0
     refuses("empty, expected at least one radius", ring, query, database, ())
-    refuses("radius -1.0: expected metres", ring, query, database, (10.0, -1.0))
+    refuses("radius: -1.0, expected", ring, query, database, (10.0, -1.0))
 
 
 def test_an_empty_database_is_refused(exported):
-    *_, database = exported("RING")
-    none = {name: array[:0] for name, array in database.tensors.items()}
+    *_, database = exported("ring")
+    none = {name: array[:0] for name, array in database.arrays.items()}
     with pytest.raises(DeepringError, match="road, region test: the database holds 0 places"):
         replace(database, **none)
 
@@ -226,21 +214,31 @@ class Learned(DeepRing):
         return Comparison(scores * next(self.parameters()).sum(), None)
 
 
+class Bare:
+    """A user's method that says nothing of how it is rebuilt."""
+
+    raster = BEV
+
+    def describe(self, rasters):
+        return rasters.flatten(1).float()
+
+    def compare(self, queries, database):
+        return Comparison(queries @ database.T, None)
+
+
 RING = fingerprint(Ring())
 
 
 @pytest.mark.parametrize(
     ("made_by", "message"),
     [
-        (fingerprint(Untrained()), r"class test_scoring\.Untrained: expected a NetworkMethod"),
-        ({**RING, "class": "subprocess.Popen"}, r"class subprocess\.Popen: expected a NetworkM"),
-        ({"class": "subprocess.Popen", "settings": {}}, "is no NetworkMethod"),
-        ({"class": "nowhere.Net", "settings": {}}, r"'nowhere\.Net' cannot be imported"),
-        ({"class": "Net", "settings": {}}, "'Net' cannot be imported"),
-        ({}, "class None: expected a NetworkMethod"),
-        ({**RING, "values": {"angels": 60}}, r"cannot be made .*angels.*; expected those"),
-        ({"class": RING["class"]}, "cannot be made of the header's values"),
-        ({**RING, "raster": raster_settings(CONTEXT)}, "RING: raster ContextRaster, expected"),
+        (fingerprint(Untrained()), r"'test_scoring\.Untrained' is not registered; expected one of"),
+        ({**RING, "method": "subprocess.Popen"}, r"'subprocess\.Popen' is not registered"),
+        ({"method": "nowhere.Net", "settings": {}}, r"'nowhere\.Net' is not registered.*--method"),
+        ({}, "'None' is not registered"),
+        ({**RING, "values": {"angels": 60}}, r"cannot be made of .*angels.*; expected the values"),
+        ({"method": "ring"}, "'ring' cannot be made of"),
+        ({**RING, "raster": raster_settings(CONTEXT)}, "RING: raster: a ContextRaster, expected"),
         ({**fingerprint(deepring()), "settings": {"width": 3}}, "DeepRING settings: .*width"),
     ],
 )
@@ -250,9 +248,9 @@ def test_what_cannot_be_rebuilt_is_refused(made_by, message):
 
 
 def test_values_that_make_another_method_are_refused(exported, tmp_path):
-    *_, pair, _, _ = exported("RING")
+    *_, pair, _, _ = exported("ring")
     assert score_pair(pair).results
-    *_, query, database = exported("RING")
+    *_, query, database = exported("ring")
     raster = {k: v for k, v in query.made_by["raster"].items() if k != "extent"}
     made_by = {**query.made_by, "raster": {**raster, "size": 3}}
     with pytest.raises(DeepringError, match=r"raster 'bev': .*size"):
@@ -265,7 +263,7 @@ def test_values_that_make_another_method_are_refused(exported, tmp_path):
 def written(folder, query, database, **changes):
     paths = []
     for side in (database, query):
-        paths.append(folder / file_name(side.labels, side.side))
+        paths.append(folder / file_name(side.case, side.side))
         write_descriptors(paths[-1], replace(side, **changes))
     return Pair(*paths)
 
@@ -273,24 +271,45 @@ def written(folder, query, database, **changes):
 def test_a_network_that_compares_with_its_weights_needs_them(tmp_path):
     torch.manual_seed(0)
     method = Learned(deepring().settings)
-    outcome = evaluate_method("mine", method, road_task(BEV), export=tmp_path)
+    task = road_task(BEV)
+    outcome = evaluate_method(task.case("mine"), method, task, export=tmp_path)
     (pair,) = find_pairs(tmp_path)
-    with pytest.raises(DeepringError, match=r"Learned compares with its weights, .* not in the"):
+    with pytest.raises(DeepringError, match=r"'test_scoring\.Learned' is not registered"):
         score_pair(pair)
+    with pytest.raises(DeepringError, match=r"Learned compares with its weights, .* not in the"):
+        score_pair(pair, own_class=Learned)
     sides = read_descriptors(pair.query), read_descriptors(pair.database)
     assert_same(score_descriptors(method, *sides), outcome)
 
 
-def test_a_method_of_a_user_is_scored_by_itself(tmp_path):
+def test_a_method_of_a_user_is_scored_by_itself_or_with_its_class(tmp_path):
     method = Untrained(BEV, 24, 24)
-    outcome = evaluate_method("mine", method, road_task(BEV), export=tmp_path)
+    task = road_task(BEV)
+    outcome = evaluate_method(task.case("mine"), method, task, export=tmp_path)
     (pair,) = find_pairs(tmp_path)
     sides = read_descriptors(pair.query), read_descriptors(pair.database)
     assert_same(score_descriptors(method, *sides), outcome)
+    assert_same(score_pair(pair, own_class=Untrained), outcome)
+    assert_same(score_pair(pair, own_class="test_scoring.Untrained"), outcome)
+    with pytest.raises(DeepringError, match=r"the class given is deepring\.methods\.ring\.Ring"):
+        score_pair(pair, own_class=Ring)
+
+
+def test_a_method_that_cannot_be_rebuilt_is_refused():
+    with pytest.raises(DeepringError, match=r"Bare' cannot be rebuilt, .* with from_fingerprint"):
+        rebuild_method(fingerprint(Bare()), Bare)
+
+
+def test_a_registered_method_of_a_user_is_rebuilt(monkeypatch):
+    monkeypatch.setattr(registry, "_METHODS", dict(registry._METHODS))
+    register_method("untrained", Untrained)
+    made_by = fingerprint(Untrained(BEV, 24, 24))
+    assert made_by["method"] == "untrained"
+    assert type(rebuild_method(made_by)) is Untrained
 
 
 def test_pairs_are_found_in_a_run_and_in_its_descriptors(exported, tmp_path):
-    labels = ["RING", "DeepRING"]
+    labels = ["ring", "deepring"]
     for label in labels:
         *_, query, database = exported(label)
         written(tmp_path / "descriptors", query, database)
@@ -309,7 +328,7 @@ def test_folders_without_pairs_are_refused(exported, tmp_path):
         find_pairs(tmp_path / "absent")
     with pytest.raises(DeepringError, match="no descriptor files in it"):
         find_pairs(tmp_path)
-    *_, query, database = exported("RING")
+    *_, query, database = exported("ring")
     for lost in ("query", "database"):
         pair = written(tmp_path, query, database)
         getattr(pair, lost).unlink()

@@ -21,15 +21,15 @@ ROOTS = ("nclt", "mulran", "kitti")
 
 def test_defaults_are_the_papers(composed):
     cfg = composed(ROOT)
-    assert (cfg.episode.ways, cfg.episode.shots, cfg.episode.queries) == (24, 1, 6)
-    assert (cfg.trainer.max_epochs, cfg.episode.per_epoch) == (20, 60)
+    assert (cfg.sampling.ways, cfg.sampling.shots, cfg.sampling.queries) == (24, 1, 6)
+    assert (cfg.trainer.max_epochs, cfg.sampling.per_epoch) == (20, 60)
     assert (cfg.optimizer.lr, cfg.optimizer.weight_decay) == (1e-3, 1e-4)
     assert (list(cfg.scheduler.milestones), cfg.scheduler.gamma) == ([5, 12], 0.1)
     assert (cfg.data.spacing.database, cfg.data.spacing.query) == (20, 5)
     assert cfg.evaluation.radii[0] == 10
 
 
-@pytest.mark.parametrize("key", ["data.rooot", "episode.wayz", "trainer.max_epoch"])
+@pytest.mark.parametrize("key", ["data.rooot", "sampling.wayz", "trainer.max_epoch"])
 def test_a_misspelt_key_is_refused(composed, key):
     with pytest.raises((DeepringError, ConfigCompositionException), match=key.split(".")[1]):
         composed(f"{key}=3")
@@ -38,7 +38,6 @@ def test_a_misspelt_key_is_refused(composed, key):
 @pytest.mark.parametrize(
     ("override", "key"),
     [
-        ("episode.ways=many", "episode.ways"),
         ("data.spacing.query=far", "data.spacing.query"),
         ("+data.surprise=1", "surprise"),
         ("evaluation.over=some", "evaluation.over"),
@@ -49,6 +48,12 @@ def test_a_wrong_type_names_its_key(composed, override, key):
     with pytest.raises((DeepringError, ConfigCompositionException)) as error:
         composed(ROOT, override)
     assert key.split(".")[-1] in f"{error.value} {error.value.__cause__}"
+
+
+@pytest.mark.parametrize("name", sorted(p.stem for p in (config_folder() / "sampling").iterdir()))
+def test_a_sampling_config_states_its_schemes_defaults(composed, name):
+    scheme = build.scheme(composed(ROOT, f"sampling={name}"))
+    assert scheme == type(scheme)()
 
 
 def test_a_missing_value_names_its_key(composed):
@@ -77,6 +82,15 @@ def test_a_downloads_folder_is_said_once_for_all_runs(composed):
         ("representation.angles=null", r"representation\.angles"),
         ("preprocessing.extent=50", r"preprocessing\.extent"),
         ("+optimizer.momentum=1", "optimizer"),
+        ("~sampling", "sampling: null"),
+        ("sampling.ways=many", r"sampling\.ways: 'many', expected int"),
+        ("sampling.ways=1", r"sampling\.ways: 1"),
+        ("sampling.positive_radius=near", r"sampling\.positive_radius: 'near', expected float"),
+        (
+            "+sampling.wayz=3",
+            r"sampling\.wayz: unknown to EpisodeScheme, expected one of ways, shots",
+        ),
+        ("sampling._target_=deepring.training.episodes.Triplet", r"sampling\._target_: .*Triplet"),
     ],
 )
 def test_values_that_no_network_takes_are_refused(composed, override, complaint):
@@ -141,7 +155,7 @@ def test_each_ablation_names_its_command_and_every_job_of_it_composes(composed, 
             assert cfg.data.root.endswith("sim_nclt_seed1")
             assert build.fixed_methods(cfg) == {}  # the network alone, again and again
             module = build.module(cfg, [], build.network(cfg))
-            settings.append((module.hparams, cfg.episode.ways))
+            settings.append((module.hparams, cfg.sampling.ways))
     assert len(settings) > 2
     assert all(a != b for a, b in combinations(settings, 2))
 

@@ -23,19 +23,24 @@ TINY = {
     "deepring": ["encoder=unet_small", *SMALL[:3]],
     "pointnetvlad": [
         *("method.raster.count=64", "method.second=[8,8]", "method.clusters=2"),
-        *("drawing.negatives=2", "drawing.hard=1", "drawing.hard_from=0"),
-        *("drawing.different=20", "drawing.per_epoch=2"),
+        *("sampling.negatives=2", "sampling.hard=1", "sampling.hard_from=0"),
+        *("sampling.negative_radius=20", "sampling.per_epoch=2"),
     ],
     "disco": [
-        "drawing.same=10",
-        *("method.widths=[2,2]", "drawing.negatives=2", "drawing.hard=1", "drawing.hard_from=0"),
-        *("drawing.different=20", "drawing.per_epoch=2"),
+        "sampling.positive_radius=10",
+        *("method.widths=[2,2]", "sampling.negatives=2", "sampling.hard=1", "sampling.hard_from=0"),
+        *("sampling.negative_radius=20", "sampling.per_epoch=2"),
     ],
     "egonn": [
         *("method.raster.degrees=6", "method.raster.ring=2", "method.raster.height=2"),
         *("method.raster.max_voxels=200", "method.widths=[2,2]", "method.global_levels=[2]"),
-        *("drawing.size=4", "drawing.limit=6", "drawing.per_epoch=2", "drawing.same=10"),
-        *("drawing.different=20",),
+        *(
+            "sampling.size=4",
+            "sampling.limit=6",
+            "sampling.per_epoch=2",
+            "sampling.positive_radius=10",
+        ),
+        *("sampling.negative_radius=20",),
     ],
 }
 
@@ -75,7 +80,7 @@ def test_each_learned_method_trains_and_its_checkpoint_knows_it(
     )
     trained = train(cfg, tmp_path / "run")
     loaded = load_network(trained.checkpoint).method
-    assert {r.method for r in trained.results} == {loaded.settings.label}
+    assert {r.case.method for r in trained.results} == {loaded.settings.label}
     assert loaded.settings == build.network_settings(cfg)
     kept = OmegaConf.load(tmp_path / "run" / "config.yaml")
     assert kept.method._target_.endswith(type(loaded).__name__)
@@ -123,8 +128,9 @@ def test_a_run_is_not_resumed_as_another_method(disco_run, composed, tiny_nclt, 
     ("overrides", "complaint"),
     [
         (["method=disco", "representation=polar_gram"], "representation: a group of DeepRING"),
-        (["method=disco", "episode=paper"], "episode, drawing: both are given"),
-        (["method=disco", "loss=batch_hard"], "loss: BatchHardTriplet is of ScanBatch batches"),
+        (["method=disco", "sampling=episodes"], r"sampling\.per_batch: unknown to EpisodeScheme"),
+        (["sampling=tuples"], "loss: OneShotCrossEntropy, expected .*TupleLoss"),
+        (["method=disco", "loss=batch_hard"], "loss: BatchHardTriplet, expected .*TupleLoss"),
         (["method=disco", "method.size=64"], r"disco\.size: 64"),
         (["method=disco", "+method.depth=3"], "DiSCO settings.*depth"),
         (["method=disco", "method.raster.kind=bev"], "raster 'bev'"),

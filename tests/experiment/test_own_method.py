@@ -5,10 +5,12 @@ import shutil
 import sys
 from pathlib import Path
 
+import pytest
 from hydra import compose, initialize_config_dir
 from test_train import SMALL
 
 from deepring.cli.train_commands import config_folder
+from deepring.errors import ConfigError
 from deepring.experiment.config import check_config, register_schema
 from deepring.experiment.train import train
 from deepring.methods.checkpoint import load_network
@@ -30,12 +32,15 @@ def test_the_docs_method_trains_from_its_file_and_its_config(tiny_nclt, tmp_path
         composed = compose(
             "train",
             [
-                *("method=mine", "drawing.size=4", "drawing.limit=4", "drawing.per_epoch=2"),
+                *("method=mine", "sampling.size=4", "sampling.limit=4", "sampling.per_epoch=2"),
                 *(f"data.root={tiny_nclt}", *SMALL[3:], f"paths.outputs={tmp_path}"),
                 *(f"paths.run={tmp_path / 'run'}", "evaluation.figures=false"),
                 *("trainer.max_epochs=1", "trainer.log_every_n_steps=1", "callbacks.progress=null"),
             ],
         )
     trained = train(check_config(composed), tmp_path / "run")
-    assert type(load_network(trained.checkpoint).method) is sys.modules["mine"].Mine
-    assert "Mine" in {r.method for r in trained.results}
+    own_class = sys.modules["mine"].Mine
+    assert type(load_network(trained.checkpoint, own_class).method) is own_class
+    with pytest.raises(ConfigError, match=r"'mine\.Mine' is not registered"):
+        load_network(trained.checkpoint)
+    assert "Mine" in {r.case.method for r in trained.results}

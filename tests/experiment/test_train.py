@@ -19,9 +19,9 @@ from deepring.methods.checkpoint import load_network
 EXPERIMENTS = sorted(path.stem for path in (config_folder() / "experiment").glob("*.yaml"))
 #: The tiny streets are 50 m wide: a narrow validation split, few ways.
 SMALL = (
-    "episode.ways=2",
-    "episode.queries=1",
-    "episode.per_epoch=2",
+    "sampling.ways=2",
+    "sampling.queries=1",
+    "sampling.per_epoch=2",
     "data.spacing.train=1",
     "data.regions.validation_share=0.3",
     "data.regions.margin=1",
@@ -120,7 +120,7 @@ def test_a_run_leaves_everything_that_reproduces_it(small_run):
     }
     results = read_results(folder / "results.csv")
     assert (folder / "results.csv").read_text().splitlines()[0] == ",".join(COLUMNS)
-    assert {r.method for r in results} == {
+    assert {r.case.method for r in results} == {
         "DeepRING",
         "RING",
         "Scan Context 20x60",
@@ -146,13 +146,12 @@ def test_evaluating_the_checkpoint_again_gives_the_same_figures(small_run, tmp_p
     cfg, trained = small_run
     again = evaluate(cfg, tmp_path / "again", plan_evaluation(cfg, trained.checkpoint))
     for a, b in zip(trained.results, again, strict=True):
-        assert (a.method, a.radius_m, a.recall_1, a.auc) == (
-            b.method,
+        assert (a.case, a.radius_m, a.recall_1, a.auc) == (
+            b.case,
             b.radius_m,
             b.recall_1,
             b.auc,
         )
-        assert a.train == b.train
 
 
 def test_how_good_at_25_m_over_all_queries_needs_no_code(composed, tiny_nclt, tmp_path):
@@ -164,8 +163,8 @@ def test_how_good_at_25_m_over_all_queries_needs_no_code(composed, tiny_nclt, tm
 
 
 def test_ways_that_the_region_cannot_hold_are_refused(composed, tiny_nclt, tmp_path):
-    cfg = composed(f"data.root={tiny_nclt}", *SMALL, "episode.ways=500")
-    with pytest.raises(DeepringError, match=r"episode\.ways: 500"):
+    cfg = composed(f"data.root={tiny_nclt}", *SMALL, "sampling.ways=500")
+    with pytest.raises(DeepringError, match=r"sampling\.ways: 500"):
         train(cfg, tmp_path / "run")
 
 
@@ -245,8 +244,8 @@ def test_evaluating_where_it_was_trained_is_said(
 def test_a_refused_training_leaves_latest_where_it_was(small_run, compose_in, tiny_nclt):
     latest = small_run[1].folder.parent / "latest"
     before = latest.resolve()
-    cfg = compose_in(before.parent, f"data.root={tiny_nclt}", *SMALL, "episode.ways=500")
-    with pytest.raises(DeepringError, match=r"episode\.ways"):
+    cfg = compose_in(before.parent, f"data.root={tiny_nclt}", *SMALL, "sampling.ways=500")
+    with pytest.raises(DeepringError, match=r"sampling\.ways"):
         train(cfg, before.parent / "refused")
     assert latest.resolve() == before
 

@@ -8,18 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from test_map import small_network
 
-from deepring.cli.loops_command import _parser
+from deepring.cli.main import parse
 from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
 from deepring.data.readers.nclt import open_nclt
 from deepring.data.session import Session
 from deepring.errors import DeepringError
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.graph_files import g2o_lines, json_text, tum_lines
+from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.loops import LOOP_THRESHOLDS, Loop, LoopGraph, LoopSettings, find_loops
-from deepring.localization.map import AcceptanceThresholds, Map
+from deepring.localization.map import Map
 from deepring.localization.refinement import RefinementSettings
+from helpers.networks import small_network
 
 SETTINGS = LoopSettings(spacing=10.0, recent=40.0)
 
@@ -68,8 +69,9 @@ def errors_of(graph):
 
 
 def test_the_command_asks_more_of_loops_than_of_locations():
-    asked = _parser().parse_args(["folder", "-o", "out"])
+    asked = parse(["loops", "folder", "-o", "out"])
     assert AcceptanceThresholds(asked.fit, asked.ratio) == LOOP_THRESHOLDS
+    assert LoopSettings(asked.spacing, asked.recent) == LoopSettings()
     assert LOOP_THRESHOLDS.fit > AcceptanceThresholds().fit
 
 

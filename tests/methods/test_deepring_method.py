@@ -159,10 +159,15 @@ def test_describe_leaves_the_mode_and_the_batch_statistics_as_they_are(training)
     assert all(torch.equal(after[name], value) for name, value in before.items())
 
 
-def test_describe_restores_the_mode_after_an_error():
+def test_describe_restores_the_mode_after_an_error(monkeypatch):
     net = network().train()
-    with pytest.raises(DeepringError):
-        net.describe(torch.zeros(2, CELLS, CELLS + 1))
+
+    def fail(_):
+        raise RuntimeError("out of memory")
+
+    monkeypatch.setattr(net, "aggregate", fail)
+    with pytest.raises(RuntimeError, match="out of memory"):
+        net.describe(torch.zeros(2, CELLS, CELLS))
     assert net.training
 
 

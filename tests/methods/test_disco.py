@@ -234,7 +234,7 @@ def test_settings_travel_as_plain_values():
         (r"disco\.aligned: 0", {"aligned": 0}),
         (r"disco\.padding: 'reflect'", {"padding": "reflect"}),
         (r"disco\.widths: \[\]", {"widths": ()}),
-        (r"DiSCO: raster PolarRaster", {"raster": raster_settings(PolarRaster())}),
+        (r"DiSCO: raster: a PolarRaster", {"raster": raster_settings(PolarRaster())}),
     ],
 )
 def test_bad_settings_are_named(message, changes):

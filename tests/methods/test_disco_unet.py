@@ -6,7 +6,7 @@ import torch.nn.functional as F
 
 from deepring.core.equivariance import assert_theta_equivariant, relative_error
 from deepring.errors import DeepringError
-from deepring.methods.disco_unet import DiscoUNet
+from deepring.methods.disco.disco_unet import DiscoUNet
 from deepring.nn.circular import circular_upsample
 
 

@@ -57,5 +57,5 @@ def test_a_scan_finds_itself_and_knows_no_yaw():
 
 
 def test_another_raster_is_refused_by_name():
-    with pytest.raises(DeepringError, match=r"EgoNN: raster PointsRaster, expected VoxelRaster"):
+    with pytest.raises(DeepringError, match=r"EgoNN: raster: a PointsRaster, expected"):
         EgoNnGlobal(EgoNnSettings(raster=raster_settings(PointsRaster())))

@@ -6,19 +6,19 @@ import pytest
 import torch
 
 from deepring.errors import DeepringError
-from deepring.methods.egonn_network import (
+from deepring.methods.egonn.egonn_network import (
     WIDTHS,
     EfficientChannelAttention,
     EgoNN,
     GeM,
-    LocalHead,
     TopDown,
     Trunk,
+    voxel_grid,
 )
 from deepring.nn.sparse import SparseTensor
 from deepring.rasters.voxels import PADDING, cylindrical_voxels
 
-SMALL = {"widths": (4, 6, 8, 8), "global_levels": (3, 4), "local_levels": (1, 2)}
+SMALL = {"widths": (4, 6, 8, 8), "global_levels": (3, 4)}
 
 
 def cloud(seed, n=400):
@@ -58,7 +58,7 @@ def count(module):
 
 
 def test_parameters_of_the_paper_s_network():
-    net = EgoNN(local=True)
+    net = EgoNN()
     widths = (32, 64, 64, 128, 128, 128, 128)
     sources = (32, *widths[:-1])
     trunk = 125 * 32 + 2 * 32  # convolution and batch norm
@@ -69,11 +69,8 @@ def test_parameters_of_the_paper_s_network():
         trunk += (a * b + 2 * b) * (a != b)  # shortcut
     pyramid = 3 * 128 * 128 + 2 * 8 * 128 * 128
     head = pyramid + (128 * 192 + 192) + (192 * 256 + 256) + 1
-    local = 64 * 64 + 64 * 128 + 8 * 64 * 64
-    local += 2 * (64 * 32 + 32) + (32 * 3 + 3) + (32 + 1)
-    local += (64 * 96 + 96) + (96 * 128 + 128)
-    assert [count(net.trunk), count(net.global_head), count(net.local_head)] == [trunk, head, local]
-    assert count(EgoNN()) == trunk + head == 4_639_294
+    assert [count(net.trunk), count(net.global_head)] == [trunk, head]
+    assert count(net) == trunk + head == 4_639_294
 
 
 @pytest.mark.parametrize(("channels", "kernel"), [(8, 3), (32, 3), (64, 3), (128, 5), (512, 5)])
@@ -166,42 +163,10 @@ def test_a_closed_theta_makes_turns_by_the_total_stride_invisible():
     assert not torch.allclose(open_circle([turned]), open_circle([scan]), rtol=1e-4)
 
 
-def test_local_features_are_keypoints_near_the_scan_with_unit_descriptors():
-    net, scans = make_net(local=True), [voxels(0), voxels(1)]
-    levels = net.encode(scans)
-    for k, found in enumerate(net.local_features(scans)):
-        n = levels[1].grid.counts[k]
-        assert (found.keypoints.shape, found.sigma.shape) == ((n, 3), (n,))
-        assert found.descriptors.shape == (n, 128)
-        assert (found.sigma > 0).all()
-        norms = found.descriptors.norm(dim=1)
-        assert torch.allclose(norms, torch.ones(n, dtype=norms.dtype))
-        points = cloud(k).double()
-        nearest = torch.cdist(found.keypoints, points).amin(dim=1)
-        # A site of 2 x 2 x 2 voxels, at most 20 m away: its diagonal.
-        assert nearest.max() < math.hypot(20 * math.radians(2), 0.6, 0.4)
-
-
-@pytest.mark.parametrize("offset", [0.0, 1.0, -1.0])
-def test_a_keypoint_lies_in_its_site(offset):
-    head = LocalHead((4,), (1,), steps=(1.0, 0.3, 0.2))
-    sites = torch.tensor([[0, 45, 10, -2], [0, 45, 10, 0]])
-    x = SparseTensor.of(torch.zeros(2, 4), sites, stride=4)
-    points = head._cartesian(x, torch.full((2, 3), offset))
-    azimuth = torch.rad2deg(torch.atan2(points[:, 1], points[:, 0])) + 180
-    centre = torch.tensor([[45.5 * 4, 10.5 * 1.2, -1.5 * 0.8], [45.5 * 4, 10.5 * 1.2, 0.5 * 0.8]])
-    expected = centre + offset * torch.tensor([4, 1.2, 0.8]) / 2
-    ours = torch.stack([azimuth, points[:, :2].norm(dim=1), points[:, 2]], dim=1)
-    assert torch.allclose(ours, expected, atol=1e-3)
-
-
 def test_every_parameter_takes_part():
     torch.manual_seed(0)
-    net = EgoNN(**SMALL, local=True).double()
-    levels = net.encode([voxels(0), voxels(1)])
-    parts = [part.sum() for scan in net.local_head(levels) for part in scan[:2]]
-    parts += [scan.descriptors[:, 0].sum() for scan in net.local_head(levels)]
-    (net.global_head(levels).sum() + sum(parts)).backward()
+    net = EgoNN(**SMALL).double()
+    net([voxels(0), voxels(1)]).sum().backward()
     idle = [name for name, p in net.named_parameters() if p.grad is None or not p.grad.any()]
     assert not idle
 
@@ -231,7 +196,6 @@ def test_a_few_steps_lower_a_triplet_loss():
 @pytest.mark.parametrize(
     ("message", "scans"),
     [
-        ("no scan", []),
         (r"scan 1 is \(0, 3\).*at least one", [voxels(0), voxels(0)[:0]]),
         (r"scan 0 is \(0, 3\)", torch.full((2, 9, 3), PADDING, dtype=torch.int16)),
         ("scan 0.*float32", [torch.zeros(4, 3)]),
@@ -243,13 +207,17 @@ def test_scans_that_are_no_voxels_are_refused(message, scans):
         EgoNN(**SMALL)(scans)
 
 
+def test_no_scans_give_no_descriptors():
+    assert EgoNN(**SMALL)(torch.empty(0, 9, 3, dtype=torch.int16)).shape == (0, 256)
+    with pytest.raises(DeepringError, match="voxels: no scan"):
+        voxel_grid([])
+
+
 def test_bad_arguments_are_named():
     with pytest.raises(DeepringError, match=r"egonn\.steps: 1\.0 degrees are 360.*multiple of 128"):
         EgoNN(close_theta=True)
     with pytest.raises(DeepringError, match=r"voxels\.degrees: 0\.7"):
         EgoNN(steps=(0.7, 0.3, 0.2))
-    with pytest.raises(DeepringError, match=r"egonn\.local"):
-        EgoNN(**SMALL).local_features([voxels(0)])
     with pytest.raises(DeepringError, match=r"egonn\.widths"):
         Trunk(1, ())
     for levels in ((), (2, 4), (0, 1), (6, 7, 8)):

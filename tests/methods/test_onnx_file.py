@@ -10,9 +10,11 @@ import torch
 
 from deepring.errors import DeepringError
 from deepring.methods.deepring import DeepRing, DeepRingSettings
-from deepring.methods.onnx_file import RealDeepRing, export_onnx
+from deepring.methods.deepring.real_form import RealDeepRing
+from deepring.methods.onnx_file import export_onnx
+from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.portable import make_network
-from deepring.rasters import BevRaster, PolarRaster, raster_settings
+from deepring.rasters import BevRaster, PointsRaster, PolarRaster, raster_settings
 
 
 def network(cells=40, **settings):
@@ -78,4 +80,7 @@ def test_other_networks_are_refused(tmp_path):
     polar = DeepRing(DeepRingSettings(raster, angles=None, bins=None, widths=(4,)))
     with pytest.raises(DeepringError, match="over PolarRaster"):
         RealDeepRing(polar)
+    points = PointNetVlad(PointNetVladSettings(raster_settings(PointsRaster(count=64)), clusters=2))
+    with pytest.raises(DeepringError, match="onnx: PointNetVLAD has no ONNX form"):
+        export_onnx(points, tmp_path / "a.onnx")
     assert not list(tmp_path.iterdir())

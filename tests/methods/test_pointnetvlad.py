@@ -136,7 +136,7 @@ def test_settings_travel_as_plain_values():
 def test_bad_settings_are_named():
     with pytest.raises(DeepringError, match=r"PointNetVLAD settings: .*cluster_size"):
         PointNetVladSettings.from_dict({"cluster_size": 64})
-    with pytest.raises(DeepringError, match=r"PointNetVLAD: raster BevRaster, expected Points"):
+    with pytest.raises(DeepringError, match=r"PointNetVLAD: raster: a BevRaster, expected"):
         PointNetVlad(small(raster=raster_settings(BevRaster())))
     with pytest.raises(DeepringError, match=r"netvlad\.clusters: 0"):
         PointNetVlad(small(clusters=0))

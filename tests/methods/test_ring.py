@@ -146,7 +146,5 @@ def test_the_published_correlation_has_the_same_yaw(steps):
 
 
 def test_another_correlation_is_named():
-    with pytest.raises(
-        DeepringError, match=r"ring\.correlation: 'Eq. 8', expected one of paper, published"
-    ):
+    with pytest.raises(DeepringError, match=r"RING: correlation: 'Eq. 8', expected one of paper"):
         Ring(correlation="Eq. 8")

@@ -118,7 +118,7 @@ def test_half_a_turn_cannot_be_told():
 
 
 def test_what_does_not_fit_is_named():
-    with pytest.raises(DeepringError, match=r"RING\+\+: raster BevRaster, expected FeatureBev"):
+    with pytest.raises(DeepringError, match=r"RING\+\+: raster: a BevRaster, expected a Fea"):
         RingPlusPlus(BevRaster())
-    with pytest.raises(DeepringError, match=r"ring_plus_plus\.correlation: 'both', expected"):
+    with pytest.raises(DeepringError, match=r"RING\+\+: correlation: 'both', expected"):
         RingPlusPlus(correlation="both")

@@ -65,6 +65,6 @@ def test_the_best_are_those_of_one_stable_sort(scores, k, chunk):
     best = Best(1, k)
     for start in range(0, len(values), chunk):
         part = values[start : start + chunk]
-        best.see(part[None], torch.arange(start, start + len(part)))
+        best.update(part[None], torch.arange(start, start + len(part)))
     assert torch.equal(best.score[0], values[order])
     assert best.place.shape == (1, len(order))

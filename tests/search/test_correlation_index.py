@@ -1,6 +1,7 @@
 """Exact search against the double sum of Eq. 8; precisions; two stages; growth and files."""
 
 import math
+import shutil
 
 import pytest
 import torch
@@ -8,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deepring.core.correlation import circular_cross_correlation, unit_norm
-from deepring.errors import DeepringError
+from deepring.errors import DeepringError, FileError
 from deepring.search.block_store import BlockStore
 from deepring.search.code import CodeSettings, code_scores, fit_code
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
@@ -18,9 +19,10 @@ from deepring.search.spectra import (
     best_shift,
     cross_spectra,
     encode,
-    rest_of,
-    spectrum_planes,
+    padded_spectra,
+    tail_norms,
 )
+from helpers.sealed_files import rewritten
 
 PRECISIONS = ["float32", "bfloat16", "int8"]
 EXHAUSTIVE = SearchSettings(code=None)
@@ -94,7 +96,7 @@ def test_compiled_and_torch_forms_agree(precision, rows, cols, k):
         spectra = encode(maps(17, rows, cols, seed), precision)
         assert spectra.values.shape == (17, rows // 2 + 1, 2, -(-cols // LANES) * LANES)
         places.attach(spectra._asdict())
-    planes = spectrum_planes(maps(3, rows, cols, seed=9))
+    planes = padded_spectra(maps(3, rows, cols, seed=9))
     for which in (None, torch.tensor([0, 2, 16, 17, 30])):
         one = compiled(places, planes, rows, k, which)
         other = batched(places, planes, rows, k, which)
@@ -116,15 +118,15 @@ def test_what_the_bound_leaves_out_is_not_among_the_best(rows, seed):
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_what_is_left_of_two_spectra_bounds_what_it_adds(precision):
     rows = 40
-    places, planes = encode(maps(50, rows, 6), precision), spectrum_planes(maps(4, rows, 6, 9))
+    places, planes = encode(maps(50, rows, 6), precision), padded_spectra(maps(4, rows, 6, 9))
     cross = torch.view_as_complex(cross_spectra(planes, places))
     weight = torch.full((rows // 2 + 1,), 2.0 / rows)
     weight[0] = weight[-1] = 1.0 / rows
-    of_queries = rest_of(planes, rows)
-    assert places.rest.shape == (50, 2)  # from frequency 8 and from 16 of 21
+    of_queries = tail_norms(planes, rows)
+    assert places.tails.shape == (50, 2)  # from frequency 8 and from 16 of 21
     for j, first in enumerate((8, 16)):
         added = (cross.abs() * weight)[..., first:].sum(dim=-1)
-        most = of_queries[:, None, j] * places.rest[None, :, j]
+        most = of_queries[:, None, j] * places.tails[None, :, j]
         assert (added <= most * 1.00001).all()
         # Without the first half of it, it would not hold of these: their low frequencies are large.
         whole = (cross.abs() * weight).sum(dim=-1)
@@ -133,7 +135,7 @@ def test_what_is_left_of_two_spectra_bounds_what_it_adds(precision):
 
 def test_best_shift_takes_int8_scales_into_account():
     database = maps(5) * torch.tensor([1.0, 10.0, 100.0, 1e3, 1e-3])[:, None, None]
-    score, _ = best_shift(spectrum_planes(maps(2, seed=3)), encode(database, "int8"), 12)
+    score, _ = best_shift(padded_spectra(maps(2, seed=3)), encode(database, "int8"), 12)
     exact = circular_cross_correlation(maps(2, seed=3), database).score
     assert torch.allclose(score, exact, rtol=1e-2)
 
@@ -259,7 +261,7 @@ def test_mistakes_are_named(tmp_path):
         index.add(maps(5)[0])
     with pytest.raises(DeepringError, match="k: 0"):
         index.search(maps(1), k=0)
-    with pytest.raises(DeepringError, match="keeps no codes"):
+    with pytest.raises(DeepringError, match="stores no codes"):
         index.search(maps(1), exhaustive=False)
     with pytest.raises(DeepringError, match=r"search\.precision: 'float16'"):
         SearchSettings("float16")
@@ -267,7 +269,7 @@ def test_mistakes_are_named(tmp_path):
         CodeSettings(components=0)
     with pytest.raises(DeepringError, match=r"search\.candidates: 0"):
         SearchSettings(candidates=0)
-    with pytest.raises(DeepringError, match=r"no index\.safetensors"):
+    with pytest.raises(DeepringError, match=r"index\.safetensors: no such file"):
         CorrelationIndex.open(tmp_path)
     (tmp_path / "note.txt").write_text("mine")
     with pytest.raises(DeepringError, match="holds files already"):
@@ -283,9 +285,69 @@ def test_damaged_files_are_named(tmp_path):
     with pytest.raises(DeepringError, match=r"00000\.safetensors.*cut short"):
         CorrelationIndex.open(tmp_path / "map")
     shard.unlink()
-    with pytest.raises(DeepringError, match=r"00000\.safetensors.*missing"):
+    with pytest.raises(DeepringError, match=r"00000\.safetensors: no such file"):
         CorrelationIndex.open(tmp_path / "map")
     index_of(maps(4)).save(tmp_path / "other")
-    (tmp_path / "other" / "00000.safetensors").rename(shard)
-    with pytest.raises(DeepringError, match=r"holds \[4\] rows, expected 5"):
+    shutil.copy(tmp_path / "other" / "00000.safetensors", shard)
+    with pytest.raises(
+        DeepringError, match=r"00000\.safetensors: of another .* shard 0 with 5 rows"
+    ):
         CorrelationIndex.open(tmp_path / "map")
+
+
+def grown(folder, *lots):
+    """A folder with one shard per lot of places."""
+    index = CorrelationIndex(SearchSettings("int8", CodeSettings(4, 4)))
+    for lot in lots:
+        index.add(lot)
+        index.save(folder)
+    return folder
+
+
+def test_every_byte_of_shards_is_read_where_it_is_asked_for(tmp_path):
+    folder = grown(tmp_path / "map", maps(5), maps(4, seed=1))
+    CorrelationIndex.open(folder, check=True)
+    shard = folder / "00001.safetensors"
+    content = bytearray(shard.read_bytes())
+    content[-1] ^= 1
+    shard.write_bytes(content)
+    CorrelationIndex.open(folder)
+    with pytest.raises(FileError, match=r"^index shard .*00001\.safetensors: .* was altered"):
+        CorrelationIndex.open(folder, check=True)
+
+
+def test_shards_of_equal_shapes_cannot_change_places(tmp_path):
+    folder = grown(tmp_path / "map", maps(5), maps(5, seed=1))
+    first, second = (folder / f"0000{k}.safetensors" for k in (0, 1))
+    content = first.read_bytes()
+    first.write_bytes(second.read_bytes())
+    second.write_bytes(content)
+    with pytest.raises(FileError, match=r"00000\.safetensors: of another index or place in it"):
+        CorrelationIndex.open(folder)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"period": "long"}, r"header\.period: 'long'"),
+        ({"shape": [12]}, r"header\.shape: \[12\]"),
+        ({"shape": [14, 7]}, "as descriptors of 14 x 7 are kept"),
+        ({"shape": None}, "shape of their descriptors"),
+        ({"shards": [{"rows": 5}]}, "lacks digest"),
+        ({"settings": {}}, r"header\.settings: lacks"),
+        ({"lengths": [5]}, "unknown lengths"),
+    ],
+)
+def test_headers_that_no_index_has_are_refused(tmp_path, values, message):
+    folder = grown(tmp_path / "map", maps(5))
+    rewritten(folder / "index.safetensors", values=values)
+    with pytest.raises(FileError, match=rf"^index .*index\.safetensors: .*{message}.*; build"):
+        CorrelationIndex.open(folder)
+
+
+@pytest.mark.parametrize("name", ["basis", "step"])
+def test_an_index_without_all_of_its_code_is_refused(tmp_path, name):
+    folder = grown(tmp_path / "map", maps(5))
+    rewritten(folder / "index.safetensors", lacking=[name])
+    with pytest.raises(FileError, match="places with"):
+        CorrelationIndex.open(folder)

@@ -1,4 +1,4 @@
-"""`deepring case-study`: why SG, and not PG, bears a turn and a translation."""
+"""`deepring case-study`: why SG, and not PG, withstands rotation and translation."""
 
 import argparse
 import math
@@ -23,7 +23,7 @@ from deepring.data.readers.formats import (
 )
 from deepring.data.readers.scan_files import BINARY
 from deepring.data.session import Points
-from deepring.errors import BrokenScanError, DeepringError
+from deepring.errors import BrokenScanError, ConfigError, DataError, FileError
 from deepring.paper.case_study import (
     NAMES,
     ErrorRow,
@@ -40,7 +40,7 @@ from deepring.progress import progress_bar
 from deepring.rasters import BevRaster
 from deepring.reports.style import save
 
-#: What the summary shows of the CSV file: kind, value, header. 52.5° ends half-way between rows.
+#: The columns of the summary: kind, value, header. 52.5° lies half-way between two rows.
 SHOWN: tuple[tuple[Kind, float | None, str], ...] = (
     ("translation", 5.0, "5 m"),
     ("translation", 10.0, "10 m"),
@@ -52,7 +52,7 @@ SHOWN: tuple[tuple[Kind, float | None, str], ...] = (
 
 
 class Source(NamedTuple):
-    """Scan files, and where each was taken."""
+    """Scan files, and where each scan was taken."""
 
     title: str
     format: str
@@ -62,16 +62,15 @@ class Source(NamedTuple):
     positions: NDArray[np.float64] | None  # (n, 2) metres; None for scans without poses
 
 
-def case_study_command(arguments: Sequence[str]) -> None:
-    """``deepring case-study DATASET | --format F FILE...``: two figures and a CSV file."""
-    args = _parser().parse_args(arguments)
+def case_study_command(args: argparse.Namespace) -> None:
+    """Write two figures and a CSV file, and print a summary."""
     _check(args)
     source = _source(args.paths, args.format, args.session)
     left_out: list[str] = []
     scans = _readable(source, args.seed, left_out)
     first = next(scans, None)
     if first is None:
-        raise DeepringError(
+        raise DataError(
             f"{source.title}: none of its {len(source.files)} scans can be used "
             f"(first: {left_out[0]})"
         )
@@ -90,48 +89,15 @@ def case_study_command(arguments: Sequence[str]) -> None:
     _report(source, pair, rows, left_out, args.output)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        "deepring case-study",
-        description="Move scans by known turns and translations, and compare what is left of it "
-        "in the DFT magnitudes of sinograms (SG) and polar grams (PG).",
-    )
-    parser.add_argument(
-        "paths",
-        nargs="+",
-        type=Path,
-        metavar="DATASET | FILE",
-        help="a dataset's folder or drive.yaml, or scan files of different places (with --format)",
-    )
-    parser.add_argument("--session", help="of the dataset; the first by default")
-    parser.add_argument("--format", choices=list(FORMATS), help="told from a folder by default")
-    parser.add_argument("--pairs", type=int, default=64, help="of the error curves (default: 64)")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument(
-        "--translation", type=float, default=10.0, metavar="M", help="of the drawn pair (10)"
-    )
-    parser.add_argument(
-        "--rotation", type=float, metavar="DEG", help="of the drawn pair; random by default"
-    )
-    parser.add_argument("-o", "--output", type=Path, default=Path("outputs/case_study"))
-    return parser
-
-
 def _check(args: argparse.Namespace) -> None:
     reach = BevRaster().extent
-    if args.pairs < 1:
-        raise DeepringError(f"--pairs {args.pairs}: expected at least 1")
-    if args.seed < 0:
-        raise DeepringError(f"--seed {args.seed}: expected 0 or more")
-    if not 0 <= args.translation <= reach:
-        raise DeepringError(
-            f"--translation {args.translation:g}: expected metres from 0 to {reach:g}, beyond "
+    if args.translation > reach:
+        raise ConfigError(
+            f"translation: {args.translation:g}, expected metres from 0 to {reach:g}, beyond "
             "which a scan leaves its own view"
         )
-    if args.rotation is not None and not math.isfinite(args.rotation):
-        raise DeepringError(f"--rotation {args.rotation}: expected degrees")
     if args.output.exists() and not args.output.is_dir():
-        raise DeepringError(f"-o {args.output}: is a file; expected a folder to write to")
+        raise FileError(f"output: {args.output} is a file, expected a folder to write to")
 
 
 def _source(paths: Sequence[Path], format: str | None, session: str | None) -> Source:
@@ -139,16 +105,16 @@ def _source(paths: Sequence[Path], format: str | None, session: str | None) -> S
         return _dataset(paths[0], format, session)
     others = [str(path) for path in paths if not path.is_file()]
     if others:
-        raise DeepringError(f"{others[0]}: is no file; expected one dataset, or scan files alone")
+        raise FileError(f"{others[0]}: is no file, expected one dataset, or scan files alone")
     if format is None or format not in BINARY:
-        raise DeepringError(
-            f"{paths[0]}: a scan file does not tell its format; add --format, one of "
+        raise ConfigError(
+            f"{paths[0]}: a scan file does not tell its format; give --format, one of "
             + ", ".join(BINARY)
         )
     if session is not None:
-        raise DeepringError(f"--session {session}: expected a dataset's folder with it, no files")
+        raise ConfigError(f"--session {session}: expected with a dataset's folder, not with files")
     if len({path.resolve() for path in paths}) < len(paths):
-        raise DeepringError("FILE: the same scan twice; expected scans of different places")
+        raise ConfigError("FILE: the same scan twice, expected scans of different places")
     title = ", ".join(path.name for path in paths)
     ground_z = FORMATS[format].ground_z
     assert ground_z is not None
@@ -159,7 +125,7 @@ def _dataset(root: Path, format: str | None, name: str | None) -> Source:
     format = format or detect_format(root)
     names = list_sessions(format, root)
     if name is not None and name not in names:
-        raise DeepringError(f"--session {name}: not in {root}; expected one of {', '.join(names)}")
+        raise ConfigError(f"--session {name}: not in {root}, expected one of {', '.join(names)}")
     session = open_session(format, root, name or names[0])
     folder = root.resolve().name
     title = folder if folder == session.name else f"{folder}, {session.name}"
@@ -168,9 +134,9 @@ def _dataset(root: Path, format: str | None, name: str | None) -> Source:
 
 
 def _readable(source: Source, seed: int, left_out: list[str]) -> Iterator[Scan]:
-    """A dataset's scans in random order, without the broken ones, which go to ``left_out``.
+    """The scans of a dataset in random order; messages about broken ones go to ``left_out``.
 
-    Files named by hand come in their order, and a broken one is an error.
+    Files named by hand keep their order, and a broken one is an error.
     """
     order = list(range(len(source.files)))
     if source.positions is not None:
@@ -187,7 +153,7 @@ def _readable(source: Source, seed: int, left_out: list[str]) -> Iterator[Scan]:
 
 
 def _points(source: Source, file: Path) -> Points:
-    """Points that leave something to see. Raises BrokenScanError."""
+    """The points of a scan. Raises BrokenScanError where none of them is visible from above."""
     points = source.read(file)
     bev = BevRaster()
     if not bev(points, source.ground_z).any():

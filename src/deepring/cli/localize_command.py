@@ -15,13 +15,15 @@ import numpy as np
 from rich.table import Table
 
 from deepring.cli.console import console
+from deepring.cli.mistakes import in_flags
 from deepring.data.readers.bag_files import bag_scans, is_bag
 from deepring.data.readers.drive_file import is_drive_file
 from deepring.data.readers.formats import open_session
-from deepring.data.readers.scan_files import BINARY, read_scan, scan_files
+from deepring.data.readers.scan_files import read_scan, scan_files
 from deepring.data.session import Points
 from deepring.errors import DeepringError
-from deepring.localization.map import Location, Map
+from deepring.localization.location import Location
+from deepring.localization.map import Map
 from deepring.progress import progress_bar
 
 #: A row: the scan's file, its stamp (ns) where a bag holds it, and where it was taken.
@@ -39,37 +41,29 @@ class Scan(NamedTuple):
     """z of the ground in its frame, metres, where it is not the map's."""
 
 
-def localize_command(arguments: Sequence[str]) -> None:
-    """``deepring localize MAP SCAN... [--topic /points] [--as table|json|csv]``.
-
-    Exits with 1 where a scan cannot be located; the others are all the same.
-    """
-    args = _parser().parse_args(arguments)
-    if args.every < 1:
-        raise DeepringError(f"--every {args.every}: expected a whole number of at least 1")
-    if args.ground_z is not None and not math.isfinite(args.ground_z):
-        raise DeepringError(f"--ground-z {args.ground_z}: expected metres")
+def localize_command(args: argparse.Namespace) -> None:
+    """Print where each scan was taken; exit with 1 where one cannot be located."""
     files = scan_files(args.scans)
-    held = Map.open(args.map, check=not args.unchecked)
-    failed: list[str] = []
+    place_map = Map.open(args.map, check=not args.unchecked)
+    failures: list[str] = []
     with progress_bar("locating") as bar:
-        rows = list(locate(held, files, args, failed, bar))
-    if rows or not failed:
+        rows = list(locate(place_map, files, args, failures, bar))
+    if rows or not failures:
         _PRINT[args.form](rows)
-    for message in failed:
-        print(f"error: {message}", file=sys.stderr)
-    if failed:
+    for message in failures:
+        print(f"error: {in_flags(message, args.flags)}", file=sys.stderr)
+    if failures:
         sys.exit(1)
 
 
 def locate(
-    held: Map,
+    place_map: Map,
     files: Sequence[Path],
     args: argparse.Namespace,
-    failed: list[str],
+    failures: list[str],
     progress: Callable[[int, int], None],
 ) -> Iterator[Row]:
-    """A row a scan; what is wrong with the others goes to ``failed``.
+    """One row per scan; the messages about scans that cannot be located go to ``failures``.
 
     ``args`` has ``format``, ``topic``, ``every`` and ``ground_z`` as the command line does.
     """
@@ -80,14 +74,14 @@ def locate(
             name, stamp = file, None
             try:
                 name, stamp, read, ground_z = next(scans)
-                found = held.localize(read(), ground_z=ground_z)
-                yield {"scan": str(name), "stamp": stamp, **asdict(found)}
+                location = place_map.localize(read(), ground_z=ground_z)
+                yield {"scan": str(name), "stamp": stamp, **asdict(location)}
             except StopIteration:
                 break
             except DeepringError as error:
-                failed.append(_named(name, stamp, str(error)))
+                failures.append(_named(name, stamp, str(error)))
             done += 1
-            # How many a bag holds is not known before.
+            # How many scans a bag holds is not known before.
             progress(done, max(done, len(files)))
 
 
@@ -107,14 +101,14 @@ def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
 
 
 def _named(file: Path, stamp: int | None, message: str) -> str:
-    """The message, with the scan where it does not name it."""
+    """The message, which names the scan."""
     if str(file) in message:
         return message
     return f"{file}: {message}" if stamp is None else f"{file} at {stamp} ns: {message}"
 
 
 def print_table(rows: Sequence[Row]) -> None:
-    """For people."""
+    """Print a table to read."""
     table = Table(box=None, header_style="bold")
     for name in ("scan", "x m", "y m", "yaw °", "fit", "ratio", "trusted", "found by"):
         table.add_column(name, justify="left" if name in ("scan", "found by") else "right")
@@ -134,7 +128,7 @@ def print_table(rows: Sequence[Row]) -> None:
 
 
 def print_json(rows: Sequence[Row]) -> None:
-    """One object a line; a ratio without a rival is null."""
+    """Print one JSON object per line; a ratio without a rival is null."""
     for row in rows:
         finite = {
             name: None if isinstance(value, float) and math.isinf(value) else value
@@ -144,7 +138,7 @@ def print_json(rows: Sequence[Row]) -> None:
 
 
 def print_csv(rows: Sequence[Row]) -> None:
-    """With a header."""
+    """Print CSV with a header."""
     names = ["scan", "stamp", *(field.name for field in fields(Location))]
     writer = csv.DictWriter(sys.stdout, names, lineterminator="\n")
     writer.writeheader()
@@ -152,35 +146,3 @@ def print_csv(rows: Sequence[Row]) -> None:
 
 
 _PRINT = {"table": print_table, "json": print_json, "csv": print_csv}
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        "deepring localize",
-        description="Where scans were taken in a map: position and heading in the world of its "
-        "poses, and whether to trust them.",
-    )
-    parser.add_argument("map", type=Path, metavar="MAP")
-    parser.add_argument(
-        "scans", type=Path, nargs="+", metavar="SCAN", help="files, folders, bags, drive.yaml"
-    )
-    parser.add_argument("--format", choices=list(BINARY), help="what .bin files hold")
-    parser.add_argument("--topic", help="of a bag's point clouds, where it has several")
-    parser.add_argument(
-        "--every",
-        type=int,
-        default=1,
-        metavar="N",
-        help="each N-th scan of a bag or drive (%(default)s)",
-    )
-    parser.add_argument("--session", help="a drive of drive.yaml, where it describes several")
-    parser.add_argument(
-        "--ground-z",
-        type=float,
-        help="z of the ground under the sensor in the scans' frame, metres; the map's",
-    )
-    parser.add_argument("--as", dest="form", choices=list(_PRINT), default="table")
-    parser.add_argument(
-        "--unchecked", action="store_true", help="do not read the whole map to see if it is sound"
-    )
-    return parser

@@ -1,22 +1,21 @@
 """`deepring loops`: loop closures of a drive, for a pose-graph back end."""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
 from deepring.cli.console import console
-from deepring.cli.map_command import add_drive, add_network, expect_new, network_of, open_drive
+from deepring.cli.options import expect_new, network_of, open_drive
 from deepring.io.files import replacing
 from deepring.localization.graph_files import g2o_lines, json_text, tum_lines
-from deepring.localization.loops import LOOP_THRESHOLDS, LoopSettings, find_loops
-from deepring.localization.map import AcceptanceThresholds, Map
+from deepring.localization.location import AcceptanceThresholds
+from deepring.localization.loops import LoopSettings, find_loops
+from deepring.localization.map import Map
 from deepring.localization.refinement import RefinementSettings
 from deepring.progress import progress_bar
 
 
-def loops_command(arguments: Sequence[str]) -> None:
-    """``deepring loops FOLDER -o OUT``: OUT.g2o, OUT.tum and OUT.json."""
-    args = _parser().parse_args(arguments)
+def loops_command(args: argparse.Namespace) -> None:
+    """Write OUT.g2o, OUT.tum and OUT.json."""
     files = {ending: Path(f"{args.output}.{ending}") for ending in ("g2o", "tum", "json")}
     for path in files.values():
         expect_new(path)
@@ -24,7 +23,7 @@ def loops_command(arguments: Sequence[str]) -> None:
     settings = LoopSettings(args.spacing, args.recent, refinement)
     network = network_of(args.checkpoint)
     session, ground_z = open_drive(args)
-    empty = Map(network, ground_z, trust=AcceptanceThresholds(args.fit, args.ratio))
+    empty = Map(network, ground_z, thresholds=AcceptanceThresholds(args.fit, args.ratio))
     with progress_bar(f"{session.name}: looking back") as bar:
         graph = find_loops(session, empty, settings, bar)
     contents = {
@@ -41,42 +40,3 @@ def loops_command(arguments: Sequence[str]) -> None:
         console.print(f"refined      {sum(loop.refined for loop in graph.loops)}")
     for path in files.values():
         console.print(f"written      {path}", markup=False)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        "deepring loops",
-        description="Look each keyframe of a drive up among those of its past, and write the "
-        "closures that are trusted: a g2o graph, the keyframes' poses in TUM's format, and JSON.",
-    )
-    add_drive(parser)
-    add_network(parser)
-    parser.add_argument("-o", dest="output", metavar="OUT", required=True, help="without ending")
-    usual, trust = LoopSettings(), LOOP_THRESHOLDS
-    parser.add_argument(
-        "--spacing",
-        type=float,
-        default=usual.spacing,
-        help="metres between keyframes (%(default)s)",
-    )
-    parser.add_argument(
-        "--recent",
-        type=float,
-        default=usual.recent,
-        help="metres of path that a loop is longer than (%(default)s)",
-    )
-    parser.add_argument(
-        "--fit", type=float, default=trust.fit, help="least fit that is trusted (%(default)s)"
-    )
-    parser.add_argument(
-        "--ratio",
-        type=float,
-        default=trust.ratio,
-        help="least ratio to a contradicting fit that is trusted (%(default)s)",
-    )
-    parser.add_argument(
-        "--refine",
-        action="store_true",
-        help="refine each loop on the points of its two scans (needs deepring[refine])",
-    )
-    return parser

@@ -1,5 +1,6 @@
 """`deepring train` and `deepring evaluate`: Hydra composes, one function runs, a table tells."""
 
+import argparse
 import logging
 import math
 import os
@@ -9,58 +10,93 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import hydra
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from deepring.cli.console import console, mistakes_reported
+from deepring.cli.console import console
+from deepring.cli.mistakes import INTERRUPTED, is_mistake, mistakes_reported
 from deepring.cli.process import tune_process
-from deepring.cli.sweeps import (
-    Swept,
+from deepring.errors import ConfigError
+from deepring.evaluation.results import Result
+from deepring.experiment.config import Config, check_config, counted_over, register_schema
+from deepring.experiment.config_folder import config_folder
+from deepring.experiment.run_folder import is_first_process, link_latest, open_run_folder
+from deepring.experiment.sweep_names import naming
+from deepring.experiment.sweep_outcomes import (
+    SweepOutcomes,
     in_parallel,
-    is_sweep,
-    naming,
     outcome_noted,
-    report_sweep,
     run_sweep,
 )
-from deepring.evaluation.results import Result
-from deepring.experiment.config import (
-    Config,
-    check_config,
-    counted_over,
-    register_schema,
-)
-from deepring.experiment.run_folder import is_first_process, link_latest, open_run_folder
 from deepring.progress import silence
 from deepring.reports.results_table import render, render_radii
 
+#: Options of Hydra that show something instead of running jobs.
+_MODES = ("--cfg", "-c", "--info", "-i", "--resolve", "--package", "--run", "-r")
 
-def config_folder() -> Path:
-    """The packaged ``conf/``, or the checkout's where the package runs from one."""
-    package = Path(__file__).resolve().parents[1]
-    packaged = package / "conf"
-    return packaged if packaged.is_dir() else package.parents[1] / "conf"
+#: The config key of an argument that the library's messages may name.
+_KEYS = {
+    "format": "data.format",
+    "root": "data.root",
+    "session": "data.database or data.query",
+}
 
 
-def train_command(arguments: Sequence[str]) -> None:
-    """``deepring train [-m] [KEY=VALUE ...]``.
+def train_command(args: argparse.Namespace) -> None:
+    """Train once, or run a sweep with ``-m``: one job after the other or as the launcher has it.
 
-    ``resume=CHECKPOINT`` goes on in that run's folder; ``-m`` runs a sweep, one job after the
-    other or as the launcher has it.
+    ``resume=CHECKPOINT`` goes on in that run's folder.
     """
-    if is_sweep(arguments):
-        if report_sweep(run_multirun(arguments)):
+    overrides: list[str] = args.overrides
+    if is_sweep(overrides):
+        if report_sweep(run_multirun(overrides)):
             sys.exit(1)
         return
-    resumed = [a.partition("=")[2] for a in arguments if a.startswith("resume=")]
-    if resumed and (folder := run_of(Path(resumed[-1]))) is not None:
-        arguments = [*arguments, f"hydra.run.dir={folder}"]
-    _run_hydra("train", _train, arguments)
+    checkpoints = [a.partition("=")[2] for a in overrides if a.startswith("resume=")]
+    if checkpoints and (folder := run_of(Path(checkpoints[-1]))) is not None:
+        overrides = [*overrides, f"hydra.run.dir={folder}"]
+    _run_hydra("train", _train, overrides)
 
 
-def run_multirun(arguments: Sequence[str]) -> Swept:
-    """The jobs of ``deepring train -m``, and how they ended."""
-    named = naming(arguments, config_folder())
-    return run_sweep(lambda: _run_hydra("train", _sweep_job, [*arguments, *named]))
+def evaluate_command(args: argparse.Namespace) -> None:
+    """Evaluate a checkpoint and the methods that learn nothing."""
+    _run_hydra("evaluate", _evaluate, args.overrides)
+
+
+def is_sweep(arguments: Sequence[str]) -> bool:
+    """Whether the arguments ask for a sweep. Raises ConfigError where they ask for more."""
+    asked = any(argument in ("-m", "--multirun") for argument in arguments)
+    modes = [argument for argument in arguments if argument.partition("=")[0] in _MODES]
+    if asked and modes:
+        raise ConfigError(f"-m: given with {modes[0]}, which shows one config; leave one out")
+    return asked
+
+
+def run_multirun(arguments: Sequence[str]) -> SweepOutcomes:
+    """Run the jobs of ``deepring train -m``; on Ctrl-C say how they ended, and exit."""
+    names = naming(arguments, config_folder())
+    outcomes = run_sweep(lambda: _run_hydra("train", _sweep_job, [*arguments, *names]))
+    if outcomes.interrupted:
+        report_sweep(outcomes)
+        print("interrupted; the same command goes on with what is left", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+    return outcomes
+
+
+def report_sweep(outcomes: SweepOutcomes) -> int:
+    """Print how many jobs finished, which failed and why; return how many did not finish."""
+    finished, failed = outcomes.finished, outcomes.failed
+    console.print(f"sweep        {len(finished)} of {len(finished) + len(failed)} jobs finished")
+    for folder, error in failed:
+        print(f"failed       {folder.name}: {error}", file=sys.stderr)
+    if finished:
+        sweep = _from_here(finished[0].parent)
+        if any((folder / "results.csv").is_file() for folder in finished):
+            console.print(f"tables       deepring tables {sweep}")
+        console.print(f"tensorboard  tensorboard --logdir {sweep}")
+    if failed:
+        console.print("mend what is said above; the same command then goes on with what is left")
+    return len(failed)
 
 
 def run_of(checkpoint: Path) -> Path | None:
@@ -70,16 +106,11 @@ def run_of(checkpoint: Path) -> Path | None:
     return folder.resolve() if inside else None
 
 
-def evaluate_command(arguments: Sequence[str]) -> None:
-    """``deepring evaluate [checkpoint=FILE] [KEY=VALUE ...]``."""
-    _run_hydra("evaluate", _evaluate, arguments)
-
-
 def _run_hydra(
     name: str, task: Callable[[DictConfig], float | None], arguments: Sequence[str]
 ) -> None:
     # DDP starts its further processes as `python argv[0] argv[1:]`.
-    sys.argv = [str(Path(__file__).with_name("train.py")), *arguments]
+    sys.argv = [str(Path(__file__).with_name("ddp_process.py")), *arguments]
     # Hydra then passes its errors on, and `main` prints them as it prints ours.
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")
     register_schema()
@@ -87,13 +118,14 @@ def _run_hydra(
 
 
 def _sweep_job(composed: DictConfig) -> float:
-    """One job; its validation score is what a search over hyperparameters maximises."""
+    """One job; returns its validation score, which a search over hyperparameters maximises."""
     from deepring.experiment.sweep import run_job
 
     tune_process()
     _keep_lightning_quiet()
+    _name_in_log(Path(HydraConfig.get().runtime.output_dir).name)
     score = None
-    with outcome_noted():
+    with outcome_noted(is_mistake):
         cfg = check_config(composed)
         if in_parallel():
             silence()
@@ -102,7 +134,7 @@ def _sweep_job(composed: DictConfig) -> float:
     return math.nan if score is None else score
 
 
-@mistakes_reported
+@mistakes_reported(_KEYS)
 def _train(composed: DictConfig) -> None:
     cfg = check_config(composed)
     from deepring.experiment.train import train
@@ -117,7 +149,7 @@ def _train(composed: DictConfig) -> None:
         show_folder(trained.folder)
 
 
-@mistakes_reported
+@mistakes_reported(_KEYS)
 def _evaluate(composed: DictConfig) -> None:
     from deepring.experiment.evaluate import evaluate
     from deepring.experiment.plan import plan_evaluation
@@ -134,14 +166,24 @@ def _evaluate(composed: DictConfig) -> None:
 
 def _keep_lightning_quiet() -> None:
     """Drop Lightning's tips and device lines; its warnings stay. It sets its level on import."""
-    # It calls what torch has renamed; not the user's concern.
+    # Lightning calls what torch has renamed; the user cannot mend that.
     warnings.filterwarnings("ignore", message=".*LeafSpec.*")
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
 
 
+def _name_in_log(name: str) -> None:
+    """Put the job's name before its log lines, since several jobs may write at once."""
+    safe = name.replace("%", "%%")
+    for handler in logging.getLogger().handlers:
+        handler.setFormatter(logging.Formatter(f"[%(asctime)s] {safe}: %(message)s", "%H:%M:%S"))
+
+
 def run_folder(cfg: Config) -> Path:
     """The folder that Hydra made for this run, relative to where the command was started."""
-    folder = Path(cfg.paths.run)
+    return _from_here(Path(cfg.paths.run))
+
+
+def _from_here(folder: Path) -> Path:
     return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
 
 
@@ -154,7 +196,7 @@ def show(cfg: Config, results: list[Result]) -> None:
 
 
 def show_folder(folder: Path) -> None:
-    """Say where everything lies."""
+    """Print where everything lies."""
     if (folder / "results.csv").is_file():
         console.print(f"results      {folder / 'results.csv'}")
     if (folder / "figures").is_dir():

@@ -7,6 +7,8 @@ import torch
 from jaxtyping import Complex64, Float, Float32, Int64
 from torch import Tensor
 
+from deepring.core import fourier
+
 Form = Literal["paper", "published"]
 """Eq. 8 of the paper, or what the authors' code (lus6-Jenny/RING) correlates by."""
 
@@ -31,7 +33,7 @@ def theta_spectrum(
     >>> theta_spectrum(torch.ones(1, 4, 2))[0, :, 0]
     tensor([4.+0.j, 0.+0.j, 0.+0.j])
     """
-    return torch.fft.rfft(descriptor.float(), dim=-2)
+    return fourier.rfft(descriptor.float(), dim=-2)
 
 
 def correlation_curves(
@@ -54,7 +56,7 @@ def correlation_curves(
     q = theta_spectrum(queries).permute(1, 0, 2)
     d = theta_spectrum(database).permute(1, 2, 0)
     cross = torch.bmm(q, d.conj())
-    return torch.fft.irfft(cross.permute(1, 2, 0), n=rows, dim=-1)
+    return fourier.irfft(cross.permute(1, 2, 0), n=rows, dim=-1)
 
 
 def magnitude_correlation_curves(
@@ -88,7 +90,7 @@ def magnitude_correlation_curves(
     def curves(
         q: Complex64[Tensor, "q frequency omega"], d: Complex64[Tensor, "d frequency omega"]
     ) -> Float32[Tensor, "q d theta"]:
-        return torch.fft.irfft(q[:, None] * d, n=rows, dim=-2).abs().sum(dim=-1)
+        return fourier.irfft(q[:, None] * d, n=rows, dim=-2).abs().sum(dim=-1)
 
     return torch.cat([torch.cat([curves(q, d) for d in entries], dim=1) for q in few])
 

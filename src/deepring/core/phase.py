@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Float, Float32
 from torch import Tensor
 
+from deepring.core import fourier
 from deepring.core.correlation import Match
 
 #: Under the root, so that the magnitude's gradient is finite where a spectrum vanishes.
@@ -25,7 +26,7 @@ def central_magnitude(
     >>> central_magnitude(torch.ones(4, 4), size=2).round()
     tensor([0., 0., 0., 4.])
     """
-    spectrum = torch.fft.fft2(feature.float(), norm="ortho")
+    spectrum = fourier.fft2(feature.float(), norm="ortho")
     magnitude = (spectrum.real.square() + spectrum.imag.square() + EPSILON).sqrt()
     centred = torch.fft.fftshift(magnitude, dim=(-2, -1))
     first, left = (length // 2 - size // 2 for length in feature.shape[-2:])
@@ -43,10 +44,10 @@ def phase_curves(
     >>> phase_curves(feature.roll(1, dims=-2), feature).round().int().tolist()
     [[0, 0], [1, 0]]
     """
-    q, d = (torch.fft.rfft2(maps.float()) for maps in (queries, entries))
+    q, d = (fourier.rfft2(maps.float()) for maps in (queries, entries))
     cross = q * d.conj()
     phase = cross / cross.abs().clamp_min(1e-12)
-    return torch.fft.irfft2(phase, s=queries.shape[-2:])
+    return fourier.irfft2(phase, s=queries.shape[-2:])
 
 
 def phase_correlation(

@@ -4,6 +4,8 @@ import torch
 from jaxtyping import Float, Float32
 from torch import Tensor
 
+from deepring.core import fourier
+
 
 def row_dft_magnitude(
     feature: Float[Tensor, "*batch theta tau"],
@@ -18,7 +20,7 @@ def row_dft_magnitude(
     >>> row_dft_magnitude(row), row_dft_magnitude(row.roll(1, dims=-1))
     (tensor([[2.0000, 2.8284, 2.0000]]), tensor([[2.0000, 2.8284, 2.0000]]))
     """
-    magnitude = torch.fft.rfft(feature.float(), dim=-1, norm="ortho").abs()
+    magnitude = fourier.rfft(feature.float(), dim=-1, norm="ortho").abs()
     return magnitude * _weights(feature.shape[-1]).to(magnitude.device)
 
 
@@ -67,4 +69,4 @@ def column_dft_magnitude(
     >>> column_dft_magnitude(rows).equal(column_dft_magnitude(rows.roll(1, dims=-2)))
     True
     """
-    return torch.fft.fft(magnitude.float(), dim=-2, norm="ortho").abs()
+    return fourier.fft(magnitude.float(), dim=-2, norm="ortho").abs()

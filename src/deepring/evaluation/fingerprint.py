@@ -11,42 +11,45 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from deepring.data.cache import RASTER_VERSION
-from deepring.errors import DeepringError
+from deepring.errors import DataError
 from deepring.methods.base import Method
+from deepring.methods.plain_values import plain
+from deepring.methods.registry import method_name
 from deepring.rasters import RASTERS, raster_settings
 
 
 def fingerprint(method: Method) -> dict[str, Any]:
     """Everything that makes a method's descriptors, as plain values.
 
-    The path of its class, the settings of its raster, and: of a network its ``settings`` and a
+    The method's name, the settings of its raster, and: of a network its ``settings`` and a
     SHA-256 over its weights, of another method its public attributes, arrays as their SHA-256.
-    What a name with an underscore in front holds does not count. A network on the device 'meta'
-    has no weights, and its fingerprint none either.
+    Attributes with an underscore in front do not count. A network on the device 'meta' has no
+    weights, and its fingerprint none either. `deepring.methods.base.rebuild_method` makes a
+    method of it again.
 
     Raises:
-        DeepringError: a raster that is none of ours, a network without settings, or an attribute
+        DataError: a raster that is none of ours, a network without settings, or an attribute
             that is no plain value.
     """
-    name = f"{type(method).__module__}.{type(method).__qualname__}"
+    name = method_name(type(method))
     raster = method.raster
     if type(raster) not in RASTERS.values():
-        raise DeepringError(
+        raise DataError(
             f"{name}: raster {type(raster).__name__}, expected one of {', '.join(RASTERS)}; "
             "descriptors of other rasters cannot be exported"
         )
     made_by = {
-        "class": name,
+        "method": name,
         "raster": raster_settings(raster),
         "raster_version": RASTER_VERSION,
     }
     if not isinstance(method, nn.Module):
         public = {k: v for k, v in vars(method).items() if k != "raster" and not k.startswith("_")}
-        made_by["values"] = {k: _plain(f"{name}.{k}", v) for k, v in sorted(public.items())}
+        made_by["values"] = plain(dict(sorted(public.items())), _plain_leaf, name)
         return as_read_back(made_by)
     settings: Any = getattr(method, "settings", None)
     if not hasattr(settings, "to_dict"):
-        raise DeepringError(
+        raise DataError(
             f"{name}: settings {settings!r}, expected PlainSettings, as every NetworkMethod has; "
             "descriptors of other networks cannot be exported"
         )
@@ -66,9 +69,9 @@ def first_difference(ours: Any, theirs: Any, key: str = "") -> tuple[str, Any, A
         return None if ours == theirs else (key, ours, theirs)
     for name in dict.fromkeys([*ours, *theirs]):
         inner = f"{key}.{name}" if key else name
-        found = first_difference(ours.get(name), theirs.get(name), inner)
-        if found is not None:
-            return found
+        difference = first_difference(ours.get(name), theirs.get(name), inner)
+        if difference is not None:
+            return difference
     return None
 
 
@@ -90,27 +93,23 @@ def _raw(array: Tensor | NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def as_read_back(values: dict[str, Any]) -> dict[str, Any]:
-    """As they are read back: sequences become lists. Raises DeepringError on other values."""
+    """As they are read back: sequences become lists. Raises DataError on other values."""
     try:
-        plain = json.loads(json.dumps(values))
-    except (TypeError, ValueError) as error:
-        raise DeepringError(f"made_by: {error}; expected plain values") from None
-    if not isinstance(plain, dict):
-        raise DeepringError(f"made_by {plain!r}: expected a dict, as fingerprint() gives")
-    return plain
+        read = json.loads(json.dumps(values))
+    except (TypeError, ValueError):
+        raise DataError(f"made_by: {values!r}, expected plain values") from None
+    if not isinstance(read, dict):
+        raise DataError(f"made_by: {read!r}, expected a dict, as fingerprint() gives")
+    return read
 
 
-def _plain(where: str, value: Any) -> Any:
-    """The value, where JSON can hold it; an array's hash. Raises DeepringError on others."""
-    if isinstance(value, dict) and all(isinstance(key, str) for key in value):
-        return {key: _plain(f"{where}.{key}", item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(where, item) for item in value]
+def _plain_leaf(where: str, value: Any) -> Any:
+    """The value, where JSON can hold it; an array's hash. Raises DataError on others."""
     if isinstance(value, Tensor) or (isinstance(value, np.ndarray) and value.dtype != object):
         return {"sha256": digest_of({"": value})}
     if value is None or isinstance(value, bool | int | float | str):
         return value
-    raise DeepringError(
+    raise DataError(
         f"{where}: a {type(value).__name__}, expected a plain value that says what made the "
         "descriptors; where it has no say, name it with an underscore in front"
     )

@@ -3,7 +3,7 @@
 import json
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -15,26 +15,21 @@ from hydra.utils import get_class, instantiate
 from lightning.pytorch.callbacks import Callback
 from lightning.pytorch.loggers import Logger
 from omegaconf import OmegaConf
-from torch import nn
+from omegaconf.errors import OmegaConfBaseException
 
 from deepring.core.radon import ThetaRange
 from deepring.data.cache import RasterCache
 from deepring.data.dataset import DatasetConfig, PlaceDataset
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError, DeepringError
 from deepring.experiment.config import Config
 from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRingSettings
 from deepring.methods.network import NetworkMethod, PlainSettings, network_class
 from deepring.rasters import Preprocessing, Raster, make_raster, raster_settings
-from deepring.training.between_epochs import GrowingBatches, HardNegatives
+from deepring.training.callbacks import BetweenEpochs, EpochLines
 from deepring.training.datamodule import PlaceDataModule
-from deepring.training.episodes import EpisodeSettings
-from deepring.training.epoch_lines import EpochLines
 from deepring.training.module import PlaceModule
-from deepring.training.scan_batches import ScanBatchSettings
-from deepring.training.training_scans import BatchSampling
-from deepring.training.tuple_losses import BatchHardTriplet, LazyQuadruplet, QuadrupletWithYaw
-from deepring.training.tuples import TupleSettings
+from deepring.training.scheme import TrainingScheme
 
 log = logging.getLogger(__name__)
 
@@ -167,55 +162,53 @@ def raster_cache(cfg: Config) -> RasterCache:
     return RasterCache(Path(cfg.paths.cache))
 
 
-def drawing(cfg: Config) -> BatchSampling:
-    """How training batches are drawn."""
-    if (cfg.episode is None) == (cfg.drawing is None):
-        both = "neither is" if cfg.drawing is None else "both are"
-        raise DeepringError(
-            f"episode, drawing: {both} given; expected one, as the loss wants it: episode=paper, "
-            "drawing=tuples or drawing=scan_batches"
+def scheme(cfg: Config) -> TrainingScheme:
+    """How the network is trained. Raises ConfigError on a key or a value that is none of it."""
+    values = plain(cfg.sampling)
+    if values is None:
+        raise ConfigError(
+            "sampling: null, but training needs batches; choose what the loss goes with, such as "
+            "sampling=episodes, sampling=tuples or sampling=batch_hard"
         )
-    if cfg.drawing is not None:
-        return cast("BatchSampling", make(cfg.drawing, "drawing"))
-    return EpisodeSettings(**plain(cfg.episode))
+    target = values.pop("_target_")
+    kind = make({"_target_": "hydra.utils.get_class", "path": target}, "sampling")
+    if not issubclass(kind, TrainingScheme):
+        raise ConfigError(f"sampling._target_: {target}, expected a subclass of TrainingScheme")
+    known = {field.name: field.type for field in fields(cast("Any", kind))}
+    typed = OmegaConf.structured(kind)
+    for key, value in values.items():
+        if key not in known:
+            raise ConfigError(
+                f"sampling.{key}: unknown to {kind.__name__}, expected one of {', '.join(known)}; "
+                "choose a sampling that goes with the method and the loss, as method=NAME does"
+            )
+        try:
+            typed = OmegaConf.merge(typed, {key: value})
+        except OmegaConfBaseException:
+            expected = getattr(known[key], "__name__", known[key])
+            raise ConfigError(f"sampling.{key}: {value!r}, expected {expected}") from None
+    return cast("TrainingScheme", OmegaConf.to_object(typed))
 
 
 def datamodule(cfg: Config, datasets: list[PlaceDataset], raster: Raster) -> PlaceDataModule:
     """Batches and validation sets of the training datasets."""
     return PlaceDataModule(
-        datasets, raster, drawing(cfg), raster_cache(cfg), seed=cfg.seed, workers=cfg.workers
+        datasets, raster, scheme(cfg), raster_cache(cfg), seed=cfg.seed, workers=cfg.workers
     )
 
 
 def module(cfg: Config, datasets: list[PlaceDataset], network: NetworkMethod) -> PlaceModule:
     """The network under training."""
-    loss = make(cfg.loss, "loss")
-    expected = kind_of_batch(loss)
-    if not isinstance(drawn := drawing(cfg), expected):
-        raise DeepringError(
-            f"loss: {type(loss).__name__} is of {expected.__name__.removesuffix('Settings')} "
-            f"batches, but the config draws {type(drawn).__name__.removesuffix('Settings')}; "
-            "choose a loss and an episode or drawing that go together, as method=NAME does"
-        )
     return PlaceModule(
         network,
+        scheme(cfg),
+        make(cfg.loss, "loss"),
         validation=[dataset.name for dataset in datasets if dataset.has_validation],
-        loss=loss,
         optimizer=make_later(cfg.optimizer, "optimizer"),
         scheduler=None if cfg.scheduler is None else make_later(cfg.scheduler, "scheduler"),
         radius=cfg.evaluation.radii[0],
         trained_on="+".join(dataset.name for dataset in datasets),
     )
-
-
-def kind_of_batch(loss: nn.Module) -> type[BatchSampling]:
-    """The settings that draw what a loss is of."""
-    match loss:
-        case LazyQuadruplet() | QuadrupletWithYaw():
-            return TupleSettings
-        case BatchHardTriplet():
-            return ScanBatchSettings
-    return EpisodeSettings
 
 
 def trainer(
@@ -239,7 +232,7 @@ def trainer(
     callbacks = [make(node, f"callbacks.{name}") for name, node in nodes.items()]
     if "progress" not in nodes:
         callbacks.append(EpochLines())
-    callbacks += [HardNegatives(), GrowingBatches()]
+    callbacks.append(BetweenEpochs())
     logger: Logger | bool = False if cfg.logger is None else make(cfg.logger, "logger")
     return make(
         cfg.trainer,
@@ -249,7 +242,7 @@ def trainer(
         enable_progress_bar="progress" in nodes,
         logger=logger,
         default_root_dir=str(folder),
-        # Each process draws its own episodes; see BatchOrder.
+        # Each process draws its own batches; see BatchOrder.
         use_distributed_sampler=False,
     )
 

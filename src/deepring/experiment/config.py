@@ -8,11 +8,11 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from deepring.checks import one_of
 from deepring.data.dataset import DatasetConfig
 from deepring.errors import DeepringError
 from deepring.evaluation.metrics import Over
-from deepring.localization.candidates import expect_rerank
-from deepring.training.episodes import EpisodeSettings
+from deepring.localization.candidates import Rerank
 
 
 @dataclass
@@ -117,9 +117,8 @@ class Config:
     encoder: EncoderConfig | None = None
     aggregation: AggregationConfig | None = None
     similarity: SimilarityConfig | None = None
-    #: How training batches are drawn: episodes, or what `drawing` makes.
-    episode: EpisodeSettings | None = None
-    drawing: Any = None
+    #: The training scheme, see `deepring.training.scheme`, and how its batches are drawn.
+    sampling: Any = None
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
     paths: PathsConfig = field(default_factory=PathsConfig)
     # Built by hydra's instantiate, which checks their arguments.
@@ -131,7 +130,7 @@ class Config:
     logger: Any = None
     #: Methods evaluated besides.
     methods: dict[str, Any] = field(default_factory=dict)
-    #: Processes that draw episodes.
+    #: Processes that draw training batches.
     workers: int = 0
     #: Evaluate the best checkpoint at the end of training.
     evaluate: bool = True
@@ -207,7 +206,7 @@ def _check_values(cfg: Config) -> None:
             f"evaluation.regions: {regions}, expected one or several of {', '.join(EVALUATED)}"
         )
     for mode in cfg.evaluation.rerank:
-        expect_rerank("evaluation.rerank", mode)
+        one_of("evaluation.rerank", mode, Rerank)
     if cfg.evaluation.candidates < 1:
         raise DeepringError(
             f"evaluation.candidates: {cfg.evaluation.candidates}, expected at least 1"

@@ -26,7 +26,7 @@ def hyperparameters(cfg: Config) -> dict[str, Value]:
         **_of_deepring(cfg),
     }
     groups = (
-        *("method", "representation", "encoder", "similarity", "loss", "episode", "drawing"),
+        *("method", "representation", "encoder", "similarity", "loss", "sampling"),
         "optimizer",
     )
     rest = flattened({name: build.plain(getattr(cfg, name)) for name in groups})
@@ -50,6 +50,5 @@ def _of_deepring(cfg: Config) -> dict[str, Value]:
         "input": INPUTS.get(raster, raster),
         "similarity": s.kind,
     }
-    if cfg.episode is not None:
-        own |= {name: getattr(cfg.episode, name) for name in ("ways", "shots", "queries")}
-    return own
+    sampling = build.plain(cfg.sampling) or {}
+    return own | {name: sampling[name] for name in ("ways", "shots", "queries") if name in sampling}

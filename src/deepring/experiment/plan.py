@@ -21,7 +21,7 @@ from deepring.experiment.config import (
 from deepring.methods.base import Method
 from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing
-from deepring.methods.network import NetworkMethod, class_path
+from deepring.methods.network import NetworkMethod, class_path, network_class
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +60,7 @@ def plan_evaluation(
     """
     network, trained_on = None, ""
     if checkpoint is not None:
-        network, trained_on, _ = load_network(checkpoint)
+        network, trained_on, _ = load_network(checkpoint, own_class(cfg))
         _check_method(cfg, network, checkpoint)
         network.to(build.device(cfg))
         adopt_settings(cfg, network)
@@ -103,6 +103,13 @@ def regions_of(cfg: Config, dataset: PlaceDataset) -> list[str]:
 def label(network: NetworkMethod) -> str:
     """The method's name in tables."""
     return network.settings.label
+
+
+def own_class(cfg: Config) -> type[NetworkMethod] | None:
+    """The class of the config's ``method``, which a checkpoint may name; None for no network."""
+    if cfg.method is None or not build.learns(cfg):
+        return None
+    return network_class(str(cfg.method["_target_"]))
 
 
 def _check_method(cfg: Config, network: NetworkMethod, checkpoint: Path) -> None:

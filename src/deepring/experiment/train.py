@@ -124,7 +124,7 @@ def _check_resume(cfg: Config, module: PlaceModule) -> None:
             f"resume: {cfg.resume}, expected the .ckpt of a run, which holds the state of the "
             "training and not the network alone"
         )
-    method, _, loss = load_network(cfg.resume)
+    method, _, loss = load_network(cfg.resume, type(module.method))
     kept = {"method": method.settings.label, **method.settings.to_dict(), "loss": loss}
     own = module.method.settings
     asked = {"method": own.label, **own.to_dict(), "loss": type(module.loss).__name__}

@@ -1,11 +1,15 @@
 """What a place-recognition method is: scans become descriptors, descriptors are compared."""
 
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
 from torch import Tensor
 
-from deepring.errors import DeepringError
-from deepring.rasters import Raster
+from deepring.errors import FileError
+from deepring.methods.registry import method_class
+from deepring.rasters import Raster, make_raster
+from deepring.search.compare_index import CompareIndex
+from deepring.search.correlation_index import SearchSettings
+from deepring.search.hits import Index
 
 
 class Comparison(NamedTuple):
@@ -19,7 +23,15 @@ class Comparison(NamedTuple):
 
 @runtime_checkable
 class Method(Protocol):
-    """A place-recognition method. Every method is evaluated through these calls alone."""
+    """A place-recognition method. Every method is evaluated through these calls alone.
+
+    A method may offer more, each looked for where it is needed:
+
+    - ``index(settings=None)``: an index that finds what `compare` finds, see `index_of`;
+    - ``from_fingerprint(made_by)``, a classmethod: see `rebuild_method`;
+    - ``turn_period``, radians: what its turns are known modulo; 2π without it;
+    - ``onnx_form()``: see `deepring.methods.onnx_file`.
+    """
 
     @property
     def raster(self) -> Raster:
@@ -35,9 +47,54 @@ class Method(Protocol):
         ...
 
 
-def expect_raster(method: str, raster: Raster, kind: type[Raster]) -> None:
-    """Raise DeepringError where a method is given another kind of raster than it describes."""
-    if not isinstance(raster, kind):
-        raise DeepringError(
-            f"{method}: raster {type(raster).__name__}, expected {kind.__name__}; set raster.kind"
+class FixedMethod:
+    """Base of methods that learn nothing: made of a raster and of plain keyword values.
+
+    Those values are the object's public attributes, and with the raster its fingerprint.
+    """
+
+    raster: Raster
+
+    @classmethod
+    def from_fingerprint(cls, made_by: dict[str, Any]) -> Self:
+        """The method that a `deepring.evaluation.fingerprint.fingerprint` is of."""
+        return cls(make_raster(made_by["raster"]), **made_by["values"])  # type: ignore[call-arg]
+
+
+def index_of(method: Method, settings: SearchSettings | None = None) -> Index:
+    """An empty index whose scores and turns are those of ``method.compare``.
+
+    It is the method's own, or one that compares exhaustively. ``settings`` are those of a search
+    by correlation; other indexes take no notice.
+    """
+    make = getattr(method, "index", None)
+    index: Index = CompareIndex(method) if make is None else make(settings)
+    return index
+
+
+def rebuild_method(made_by: dict[str, Any], own: str | type | None = None) -> Method:
+    """A method that compares the descriptors that a fingerprint is of, and describes none.
+
+    A network's weights are not known here: they are on the device 'meta', where nothing can be
+    computed with them. ``own`` is that of `deepring.methods.registry.method_class`.
+
+    Raises:
+        ConfigError: a name that is not registered.
+        FileError: a method without ``from_fingerprint``, or a fingerprint that this version of
+            the code does not make the same method of.
+    """
+    name = str(made_by.get("method"))
+    cls: Any = method_class(name, own)
+    if not hasattr(cls, "from_fingerprint"):
+        raise FileError(
+            f"made_by.method: {name!r} cannot be rebuilt, expected a class with from_fingerprint; "
+            "score its descriptors with score_descriptors in Python"
         )
+    try:
+        method: Method = cls.from_fingerprint(made_by)
+    except (TypeError, KeyError, AttributeError) as error:
+        raise FileError(
+            f"made_by: {name!r} cannot be made of {made_by}; expected the values of this "
+            "version's class; export again"
+        ) from error
+    return method

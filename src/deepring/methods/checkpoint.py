@@ -4,43 +4,49 @@ from pathlib import Path
 
 import torch
 
-from deepring.errors import DeepringError
-from deepring.methods.network import network_class
+from deepring.errors import DeepringError, FileError
 from deepring.methods.network_file import SHIPPED, TrainedNetwork, read_network, shipped_network
+from deepring.methods.portable import make_network
 
 
-def load_network(checkpoint: Path | str) -> TrainedNetwork:
-    """The network of a checkpoint or of an exported .safetensors file, on the CPU; 'shipped' is
-    the one that comes with the package.
+def load_network(checkpoint: Path | str, own_class: type | str | None = None) -> TrainedNetwork:
+    """The network of a checkpoint, on the CPU, in evaluation mode.
 
-    Raises DeepringError where the file is missing or holds no checkpoint of a method.
+    Args:
+        checkpoint: a .ckpt, an exported .safetensors file, or 'shipped', which is the network
+            that comes with the package.
+        own_class: the user's class, or its dotted path, where the checkpoint is of a method that
+            is not registered; the checkpoint has to name it.
+
+    Raises:
+        FileError: a file that is missing or that holds no whole checkpoint of this version.
+        ConfigError: a checkpoint of a method that is not registered and is not ``own_class``.
     """
     if str(checkpoint) == SHIPPED:
         return shipped_network()
     path = Path(checkpoint)
     if path.suffix == ".safetensors":
-        return read_network(path)
+        return read_network(path, own_class)
     if not path.is_file():
-        raise DeepringError(
+        raise FileError(
             f"checkpoint: {path} is no file; give the .ckpt of a run, such as "
             "outputs/demo/latest/checkpoints/best.ckpt"
         )
     try:
         state = torch.load(path, map_location="cpu", weights_only=True)
-        kept = state["hyper_parameters"]
+        values = state["hyper_parameters"]
         weights = {
             name.removeprefix("method."): value
             for name, value in state["state_dict"].items()
             if name.startswith("method.")
         }
-        kind = network_class(kept["method"])
-        method = kind(kind.settings_class.from_dict(kept["settings"]))
-        method.load_state_dict(weights)
-    except DeepringError:
-        raise
+        trained_on, loss = str(values["trained_on"]), str(values["loss"])
     except Exception as error:  # torch.load raises many kinds for a damaged file
-        raise DeepringError(
-            f"checkpoint: {path} is no whole checkpoint of this version "
-            f"({type(error).__name__}); take another, or delete it to train anew"
+        raise FileError(
+            f"checkpoint: {path} is no whole checkpoint of this version; take another, or delete "
+            "it to train anew"
         ) from error
-    return TrainedNetwork(method.eval(), str(kept["trained_on"]), str(kept["loss"]))
+    try:
+        return TrainedNetwork(make_network(values, weights, own_class), trained_on, loss)
+    except DeepringError as error:
+        raise type(error)(f"checkpoint: {path}: {error}") from error

@@ -1,6 +1,5 @@
 """What learned methods share: settings that travel in checkpoints, descriptions of scans."""
 
-import importlib
 from abc import ABC, abstractmethod
 from dataclasses import fields
 from typing import Any, ClassVar, Self
@@ -8,8 +7,11 @@ from typing import Any, ClassVar, Self
 import torch
 from torch import Tensor, nn
 
-from deepring.errors import DeepringError
-from deepring.methods.base import Comparison, expect_raster
+from deepring.checks import of_type, one_of
+from deepring.errors import ConfigError
+from deepring.methods import registry
+from deepring.methods.base import Comparison
+from deepring.methods.plain_values import plain
 from deepring.rasters import Raster, make_raster
 
 
@@ -29,25 +31,19 @@ class PlainSettings:
         for name, value in vars(self).items():
             if isinstance(value, list):
                 object.__setattr__(self, name, tuple(value))
-        object.__setattr__(self, "raster", _plain(self.raster))
+        object.__setattr__(self, "raster", plain(self.raster))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain dict of lists, strings and numbers, as `from_dict` takes it."""
-        return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}  # type: ignore[arg-type]
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}  # type: ignore[arg-type]
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        """Raises DeepringError where the values do not make settings."""
-        try:
-            return cls(**values)
-        except TypeError as error:
-            raise DeepringError(f"{cls.label} settings: {error}") from None
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+        """The settings of these values. Raises ConfigError where a key is no setting."""
+        names = [f.name for f in fields(cls)]  # type: ignore[arg-type]
+        for key in values:
+            one_of(f"{cls.label} settings", key, names)
+        return cls(**values)
 
 
 class NetworkMethod(nn.Module, ABC):
@@ -58,7 +54,7 @@ class NetworkMethod(nn.Module, ABC):
 
     Args:
         settings: everything that makes a descriptor but the weights.
-        kind: of the raster; another raises DeepringError. None takes any.
+        kind: of the raster; another raises ConfigError. None takes any.
     """
 
     settings_class: ClassVar[type[PlainSettings]]
@@ -68,7 +64,12 @@ class NetworkMethod(nn.Module, ABC):
         self.settings = settings
         self._raster = make_raster(settings.raster)
         if kind is not None:
-            expect_raster(settings.label, self._raster, kind)
+            of_type(f"{settings.label}: raster", self._raster, kind)
+
+    @classmethod
+    def from_fingerprint(cls, made_by: dict[str, Any]) -> Self:
+        """The network that a `deepring.evaluation.fingerprint.fingerprint` is of, on 'meta'."""
+        return cls(cls.settings_class.from_dict(made_by["settings"])).to("meta")
 
     @property
     def raster(self) -> Raster:
@@ -99,20 +100,23 @@ class NetworkMethod(nn.Module, ABC):
 
 
 def class_path(method: NetworkMethod) -> str:
-    """Where the method's class is found again: what a checkpoint and a config name it by."""
-    return f"{type(method).__module__}.{type(method).__qualname__}"
+    """The dotted path of the method's class: what a config's ``_target_`` names it by."""
+    return registry.class_path(type(method))
 
 
 def network_class(path: str) -> type[NetworkMethod]:
-    """The class at a dotted path. Raises DeepringError where there is no `NetworkMethod`."""
-    module, _, name = path.rpartition(".")
-    try:
-        found = getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise DeepringError(
-            f"method: {path!r} cannot be imported ({error}); expected the class of a method, such "
-            "as deepring.methods.deepring.DeepRing"
-        ) from None
-    if not (isinstance(found, type) and issubclass(found, NetworkMethod)):
-        raise DeepringError(f"method: {path!r} is no NetworkMethod; expected one that is trained")
-    return found
+    """The class at a dotted path that the user gave, in a config or as an option.
+
+    Raises ConfigError where there is no `NetworkMethod`.
+    """
+    return as_network(registry.class_at(path))
+
+
+def as_network(cls: type) -> type[NetworkMethod]:
+    """The class. Raises ConfigError where it is no `NetworkMethod`."""
+    if not issubclass(cls, NetworkMethod):
+        raise ConfigError(
+            f"method: {registry.class_path(cls)} learns nothing, expected a NetworkMethod, which "
+            "is trained"
+        )
+    return cls

@@ -1,28 +1,21 @@
-"""DeepRING as ONNX: images from above in, descriptors out, in operators that every runtime has.
+"""A trained network as ONNX: rasters in, descriptors out.
 
-The Radon transform is one addition of shares to fixed places, and the DFT, of which ONNX's complex
-form is little supported, a product with cosines and sines.
+A network that can be exported has ``onnx_form()``: a module of the same output whose operators
+every runtime has.
 """
 
 import json
 import logging
-import math
 import warnings
 from pathlib import Path
 from typing import Any
 
 import torch
-import torch.nn.functional as F
-from torch import Tensor, nn
 
-from deepring.core.radon import _directions
-from deepring.core.spectrum import _weights
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError
 from deepring.io.files import replacing
-from deepring.methods.deepring import DeepRing
+from deepring.methods.network import NetworkMethod
 from deepring.methods.portable import describe_network
-from deepring.rasters import BevRaster
-from deepring.rasters.bev import disc_mask
 
 #: Of the operators used.
 OPSET = 18
@@ -30,98 +23,32 @@ OPSET = 18
 _INSTALL = "pip install 'deepring[onnx]'"
 
 
-class RealDeepRing(nn.Module):
-    """`DeepRing.forward` in real arithmetic: images (b, n, n) float32 -> (b, θ, ω).
-
-    Raises DeepringError for other settings than a full turn, DFT and unit norm.
-    """
-
-    seen: Tensor
-    lower: Tensor
-    upper: Tensor
-    cosines: Tensor
-    sines: Tensor
-
-    def __init__(self, network: DeepRing) -> None:
-        super().__init__()
-        settings, raster = network.settings, network.raster
-        wanted = {"theta_range": "full", "aggregation": "dft", "normalisation": "unit"}
-        other = {k: v for k, v in wanted.items() if getattr(settings, k) != v}
-        if not isinstance(raster, BevRaster) or other or settings.angles is None:
-            raise DeepringError(
-                f"onnx: a network over {type(raster).__name__} with aggregation "
-                f"{settings.aggregation}, normalisation {settings.normalisation}, turn "
-                f"{settings.theta_range}; expected BevRaster, dft, unit, full"
-            )
-        assert settings.bins is not None
-        self.encoder, self.pool = network.encoder, settings.pool
-        self.count, self.bins = settings.angles // 2, settings.bins
-        seen, lower, upper = _projection(raster.cells, self.count, self.bins)
-        for name, value in {"seen": seen, "lower": lower, "upper": upper}.items():
-            self.register_buffer(name, value)
-        self.unit = 2.0 / raster.cells
-        columns = self.bins // self.pool // settings.stem
-        angle = (
-            2 * math.pi / columns * torch.arange(columns)[:, None] * torch.arange(columns // 2 + 1)
-        )
-        scale = _weights(columns) / math.sqrt(columns)
-        self.register_buffer("cosines", (angle.double().cos() * scale).float())
-        self.register_buffer("sines", (angle.double().sin() * scale).float())
-
-    def forward(self, images: Tensor) -> Tensor:
-        """Descriptors of unit norm."""
-        feature = self.encoder(self._sinogram(images))[:, 0]
-        real, imaginary = feature @ self.cosines, feature @ self.sines
-        magnitude = (real.square() + imaginary.square()).sqrt()
-        norm = magnitude.square().sum(dim=(-2, -1), keepdim=True).sqrt()
-        return magnitude / norm.clamp_min(1e-12)
-
-    def _sinogram(self, images: Tensor) -> Tensor:
-        """(b, 1, θ, τ), as `deepring.core.radon.radon`, pooled."""
-        batch = images.shape[0]
-        values = images.flatten(1)[:, self.seen.long()][:, None] * (self.bins / images.shape[-1])
-        index = self.lower.long().flatten().expand(batch, -1)
-        above = (values * self.upper).flatten(1)
-        below = (values - values * self.upper).flatten(1)
-        rows = images.new_zeros(batch, self.count * (self.bins + 2))
-        rows = rows.scatter_add(1, index, below).scatter_add(1, index + 1, above)
-        half = rows.view(-1, self.count, self.bins + 2)[..., 1:-1]
-        whole = torch.cat([half, half.flip(-1)], dim=1) * self.unit
-        return F.avg_pool2d(whole[:, None], self.pool) if self.pool > 1 else whole[:, None]
-
-
-def _projection(cells: int, count: int, bins: int) -> tuple[Tensor, Tensor, Tensor]:
-    """The cells of the inscribed disc, flat (c,) int32; for each direction the bin below each of
-    them in rows of ``bins`` and one more at either end, flat (θ, c) int32, and the share (θ, c) of
-    the bin above."""
-    cosines, sines = _directions(count)
-    seen = torch.from_numpy(disc_mask(cells).ravel().nonzero()[0])
-    along = (torch.arange(cells) - (cells - 1) / 2) * (bins / cells)
-    x, y = along[seen // cells], along[seen % cells]
-    position = cosines[:, None] * x + sines[:, None] * y + (bins + 1) / 2
-    lower = position.floor()
-    flat = lower.int() + torch.arange(count, dtype=torch.int32)[:, None] * (bins + 2)
-    return seen.int(), flat, position - lower
-
-
-def export_onnx(network: DeepRing, path: Path | str) -> None:
+def export_onnx(network: NetworkMethod, path: Path | str) -> None:
     """Write the network as ONNX, whole or not at all; what made it is in its metadata.
 
-    Input 'images' (batch, n, n) float32, 0 or 1; output 'descriptors' (batch, θ, ω) float32.
-    Raises DeepringError for a network that `RealDeepRing` does not take.
+    Input 'images' (batch, *raster.shape) float32; output 'descriptors' (batch, ...) float32.
+
+    Raises:
+        ConfigError: a network without an ONNX form, or with settings that it does not take; or
+            the package onnx is missing.
     """
+    make_form = getattr(network, "onnx_form", None)
+    if not callable(make_form):
+        raise ConfigError(
+            f"onnx: {network.settings.label} has no ONNX form, expected a method with "
+            "onnx_form(), such as DeepRING; export it as .safetensors"
+        )
     try:
         import onnx
-    except ImportError as error:
-        raise DeepringError(f"onnx: {error}; {_INSTALL}") from error
-    module = RealDeepRing(network).eval()
+    except ImportError:
+        raise ConfigError(f"onnx: the package onnx is not installed; {_INSTALL}") from None
+    form = make_form().eval()
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it misses torchvision; we do not
-    cells = network.raster.shape[0]
-    example = torch.zeros(2, cells, cells)
+    example = torch.zeros(2, *network.raster.shape)
     with replacing(path) as temporary, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the exporter about itself
         program = torch.onnx.export(
-            module,
+            form,
             (example,),
             input_names=["images"],
             output_names=["descriptors"],

@@ -13,6 +13,9 @@ from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.nn.netvlad import NetVlad
 from deepring.nn.pointnet import PointFeatures
 from deepring.rasters import PointsRaster, raster_settings
+from deepring.search.correlation_index import SearchSettings
+from deepring.search.hits import Index
+from deepring.search.vector_index import VectorIndex
 
 
 @dataclass(frozen=True)
@@ -60,3 +63,7 @@ class PointNetVlad(NetworkMethod):
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
         """Negative Euclidean distance, in [-2, 0]; the turn is not known."""
         return Comparison(negative_distance(queries, database), None)
+
+    def index(self, settings: SearchSettings | None = None) -> Index:  # noqa: ARG002
+        """Exhaustive search by distance, see `index_of`; takes no settings."""
+        return VectorIndex("l2")

@@ -5,13 +5,14 @@ from typing import Any
 
 from torch import Tensor
 
-from deepring.errors import DeepringError
-from deepring.methods.network import NetworkMethod, class_path, network_class
+from deepring.errors import FileError
+from deepring.methods.network import NetworkMethod, as_network
+from deepring.methods.registry import method_class, method_name
 
 
 def describe_network(method: NetworkMethod) -> dict[str, Any]:
-    """Class and settings: all that makes its descriptors but the weights."""
-    return {"class": class_path(method), "settings": method.settings.to_dict()}
+    """Name and settings: all that makes its descriptors but the weights."""
+    return {"method": method_name(type(method)), "settings": method.settings.to_dict()}
 
 
 def weights_of(method: NetworkMethod) -> dict[str, Tensor]:
@@ -19,14 +20,37 @@ def weights_of(method: NetworkMethod) -> dict[str, Tensor]:
     return {name: value.detach().cpu() for name, value in method.state_dict().items()}
 
 
-def make_network(described: Mapping[str, Any], weights: Mapping[str, Tensor]) -> NetworkMethod:
-    """The network again, in evaluation mode. Raises DeepringError where the two do not fit."""
+def make_network(
+    described: Mapping[str, Any],
+    weights: Mapping[str, Tensor],
+    own_class: type | str | None = None,
+) -> NetworkMethod:
+    """The network again, in evaluation mode.
+
+    Args:
+        described: name and settings, as `describe_network` gives them.
+        weights: by name, as `weights_of` gives them.
+        own_class: the class of a method that is not registered, or its dotted path, from the
+            user; see `deepring.methods.registry.method_class`.
+
+    Raises:
+        ConfigError: a name that is not registered, or settings of another version.
+        FileError: values that are not those of one network.
+    """
     try:
-        kind = network_class(described["class"])
-        method = kind(kind.settings_class.from_dict(dict(described["settings"])))
+        name, settings = str(described["method"]), dict(described["settings"])
+    except (KeyError, TypeError, ValueError):
+        raise FileError(
+            f"network: described by {described!r}, expected 'method' and 'settings'; take a file "
+            "of this version of deepring, or train again"
+        ) from None
+    kind = as_network(method_class(name, own_class))
+    try:
+        method = kind(kind.settings_class.from_dict(settings))
         method.load_state_dict(dict(weights))
-    except (KeyError, TypeError, RuntimeError) as error:
-        raise DeepringError(
-            f"network: {error}; expected the class, settings and weights that one network had"
+    except (TypeError, RuntimeError) as error:
+        raise FileError(
+            f"network: the weights are not those of {name!r} with settings {settings}; expected "
+            "the settings and weights that one network had; take another file"
         ) from error
     return method.eval()

@@ -1,17 +1,23 @@
 """RING: the handcrafted ancestor of DeepRING (Lu et al. 2022; lus6-Jenny/RING)."""
 
+import math
+from typing import ClassVar
+
 import torch
 from torch import Tensor
 
-from deepring.checks import one_of
+from deepring.checks import of_type, one_of
 from deepring.core.correlation import Form, circular_cross_correlation, shift_to_turn
 from deepring.core.radon import radon
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
-from deepring.methods.base import Comparison, expect_raster
-from deepring.rasters import BevRaster
+from deepring.methods.base import Comparison, FixedMethod
+from deepring.rasters import BevRaster, Raster
+from deepring.search.compare_index import CompareIndex
+from deepring.search.correlation_index import CorrelationIndex, SearchSettings
+from deepring.search.hits import Index
 
 
-class Ring:
+class Ring(FixedMethod):
     """Row-wise spectrum of the raw sinogram, normalised, correlated over all rotations.
 
     ``correlation`` is 'paper', Eq. 8, or 'published', in which the published code takes the
@@ -20,26 +26,47 @@ class Ring:
     so the turn is known modulo π only.
     """
 
+    label: ClassVar[str] = "RING"
+    raster_class: ClassVar[type[Raster]] = BevRaster
+    turn_period: ClassVar[float] = math.pi
+
     def __init__(
         self,
-        raster: BevRaster | None = None,
+        raster: Raster | None = None,
         angles: int = 120,
         bins: int = 120,
         correlation: Form = "paper",
     ) -> None:
-        self.raster = BevRaster() if raster is None else raster
-        expect_raster("RING", self.raster, BevRaster)
-        one_of("ring.correlation", correlation, Form)
+        self.raster = self.raster_class() if raster is None else raster
+        of_type(f"{self.label}: raster", self.raster, self.raster_class)
+        one_of(f"{self.label}: correlation", correlation, Form)
         self.angles, self.bins, self.correlation = angles, bins, correlation
 
     @torch.no_grad()
     def describe(self, rasters: Tensor) -> Tensor:
-        """TI-RING (b, angles, bins // 2 + 1), zero mean and unit deviation of the full spectrum."""
-        spectrum = row_dft_magnitude(radon(rasters, self.angles, self.bins))
-        return standardise_spectrum(spectrum, self.bins)
+        """TI-RINGs (b, angles, c (bins // 2 + 1)) of images (b, c, n, n), or (b, n, n) with c = 1.
+
+        The c channels lie one after the other along the last axis. Each has zero mean and unit
+        deviation of its full spectrum; an empty one is 0.
+        """
+        channels = rasters if rasters.ndim == 4 else rasters[:, None]
+        spectrum = row_dft_magnitude(radon(channels, self.angles, self.bins))
+        return standardise_spectrum(spectrum, self.bins).transpose(1, 2).flatten(start_dim=2)
 
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
-        """Correlation a cell, in [-1, 1], as published in [0, 1], and the turn modulo π."""
+        """Correlation per cell, in [-1, 1], as published in [0, 1], and the turn modulo π."""
         match = circular_cross_correlation(queries, database, self.correlation)
-        size = queries.shape[-2] * self.bins
-        return Comparison(match.score / size, shift_to_turn(match.shift, queries.shape[-2]))
+        turn = shift_to_turn(match.shift, queries.shape[-2])
+        return Comparison(match.score / self._cells, turn)
+
+    def index(self, settings: SearchSettings | None = None) -> Index:
+        """Search by Eq. 8, or by `compare` where it is the published one; see `index_of`."""
+        if self.correlation == "published":
+            return CompareIndex(self)
+        return CorrelationIndex(settings, cells=self._cells)
+
+    @property
+    def _cells(self) -> int:
+        """Cells of all channels' full spectra."""
+        channels = self.raster.shape[0] if len(self.raster.shape) == 3 else 1
+        return channels * self.angles * self.bins

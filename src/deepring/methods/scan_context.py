@@ -3,13 +3,22 @@
 import torch
 from torch import Tensor
 
+from deepring.checks import count, of_type
 from deepring.core.correlation import correlation_curves, shift_to_turn
-from deepring.errors import DeepringError
-from deepring.methods.base import Comparison, expect_raster
+from deepring.methods.base import Comparison, FixedMethod
 from deepring.rasters import ContextRaster
+from deepring.search.block_store import BlockStore
+from deepring.search.correlation_index import SearchSettings
+from deepring.search.hits import Best, Hits
+
+#: Floats of correlation curves in memory at once.
+_CURVES = 2**20
+
+#: Ring keys that are compared at once.
+_KEYS = 65_536
 
 
-class ScanContext:
+class ScanContext(FixedMethod):
     """Largest heights over polar cells; the cosine of columns, at the best column shift.
 
     Descriptors are (b, sectors, rings): a row here is what the original calls a column. With
@@ -18,10 +27,9 @@ class ScanContext:
     """
 
     def __init__(self, raster: ContextRaster | None = None, candidates: int | None = None) -> None:
-        self.raster = ContextRaster() if raster is None else raster
-        expect_raster("Scan Context", self.raster, ContextRaster)
-        if candidates is not None and candidates < 1:
-            raise DeepringError(f"method.candidates: {candidates}, expected null or at least 1")
+        self.raster = of_type("Scan Context: raster", raster or ContextRaster(), ContextRaster)
+        if candidates is not None:
+            count("Scan Context: candidates", candidates)
         self.candidates = candidates
 
     def describe(self, rasters: Tensor) -> Tensor:
@@ -29,20 +37,88 @@ class ScanContext:
         return rasters.float()
 
     def compare(self, queries: Tensor, database: Tensor) -> Comparison:
-        """1 - distance: the mean cosine over columns that are non-empty in both."""
-        curves = mean_cosines(*unit_columns(queries), *unit_columns(database))
-        score, shift = curves.max(dim=-1)
+        """The mean cosine over columns that are non-empty in both; -1 for no candidates."""
+        score, shift = best_cosines(unit_columns(queries), unit_columns(database))
         if self.candidates is not None and self.candidates < len(database):
-            keep = _nearest_ring_keys(queries, database, self.candidates)
-            score = torch.where(keep, score, torch.full_like(score, -1.0))
+            distance = key_distances(queries, ring_keys(database))
+            nearest = distance.topk(self.candidates, largest=False).indices
+            is_candidate = torch.zeros_like(distance, dtype=torch.bool).scatter_(1, nearest, True)
+            score = torch.where(is_candidate, score, -1.0)
         return Comparison(score, shift_to_turn(shift, queries.shape[-2]))
 
+    def index(self, settings: SearchSettings | None = None) -> "ContextIndex":  # noqa: ARG002
+        """Search by `compare`; takes no settings."""
+        return ContextIndex(self.candidates)
 
-def mean_cosines(columns: Tensor, filled: Tensor, others: Tensor, others_filled: Tensor) -> Tensor:
-    """Mean cosine over the columns filled in both, for all pairs and column shifts: (q, d, θ)."""
-    cosines = correlation_curves(columns, others)
-    shared = correlation_curves(filled, others_filled).round()
-    return torch.where(shared > 0, cosines / shared.clamp_min(1.0), 0.0)
+
+class ContextIndex:
+    """Contexts (n, θ, r) of places, compared as `ScanContext` compares them.
+
+    Columns at unit norm, which are filled, and ring keys are computed once per place.
+    """
+
+    def __init__(self, candidates: int | None = None) -> None:
+        self.candidates = candidates
+        self.places = BlockStore()
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def add(self, descriptors: Tensor) -> None:
+        """Add places."""
+        columns, filled = unit_columns(descriptors)
+        self.places.add({"columns": columns, "filled": filled, "key": ring_keys(descriptors)})
+
+    def search(self, queries: Tensor, k: int = 1) -> Hits:
+        """The ``k`` places of the largest mean cosine, with the turn from place to query."""
+        count("k", k)
+        best = Best(len(queries), k)
+        columns, filled = unit_columns(queries)
+        if self.candidates is None or self.candidates >= len(self):
+            size = max(16, _CURVES // max(1, queries.shape[1] * len(queries)))
+            for start, (part, part_filled) in self.places.chunks(size, "columns", "filled"):
+                score, shift = best_cosines((columns, filled), (part, part_filled))
+                best.update(score, torch.arange(start, start + len(part)), shift)
+        elif len(queries):
+            places = self._nearest_keys(queries, self.candidates).sort(dim=1).values
+            scores, shifts = [], []
+            for query, place in enumerate(places):
+                one = slice(query, query + 1)
+                part, part_filled = self.places.take(place, "columns", "filled")
+                score, shift = best_cosines((columns[one], filled[one]), (part, part_filled))
+                scores.append(score)
+                shifts.append(shift)
+            best.update(torch.cat(scores), places, torch.cat(shifts))
+        return Hits(best.place, best.score, shift_to_turn(best.shift, queries.shape[-2]))
+
+    def _nearest_keys(self, queries: Tensor, number: int) -> Tensor:
+        """The places (q, number) whose ring keys are nearest."""
+        best = Best(len(queries), number)
+        for start, (keys,) in self.places.chunks(_KEYS, "key"):
+            best.update(-key_distances(queries, keys), torch.arange(start, start + len(keys)))
+        return best.place
+
+
+Columns = tuple[Tensor, Tensor]
+"""Columns at unit norm (n, sectors, rings), and 1.0 where they are non-empty (n, sectors, 1)."""
+
+
+def unit_columns(context: Tensor) -> Columns:
+    """The columns of contexts (n, sectors, rings)."""
+    norm = torch.linalg.vector_norm(context, dim=-1, keepdim=True)
+    filled = norm > 0
+    return torch.where(filled, context / norm.clamp_min(1e-12), 0.0), filled.float()
+
+
+def best_cosines(queries: Columns, places: Columns) -> tuple[Tensor, Tensor]:
+    """The mean cosine over the columns filled in both, at the best column shift, and that shift.
+
+    Both are (q, n), of all pairs.
+    """
+    cosines = correlation_curves(queries[0], places[0])
+    shared = correlation_curves(queries[1], places[1]).round()
+    best = torch.where(shared > 0, cosines / shared.clamp_min(1.0), 0.0).max(dim=-1)
+    return best.values, best.indices
 
 
 def ring_keys(context: Tensor) -> Tensor:
@@ -50,17 +126,7 @@ def ring_keys(context: Tensor) -> Tensor:
     return context.float().mean(dim=-2)
 
 
-def unit_columns(context: Tensor) -> tuple[Tensor, Tensor]:
-    """Columns at unit norm, and which are non-empty: (n, sectors, rings), (n, sectors, 1)."""
-    norm = torch.linalg.vector_norm(context, dim=-1, keepdim=True)
-    filled = norm > 0
-    return torch.where(filled, context / norm.clamp_min(1e-12), 0.0), filled.float()
-
-
-def _nearest_ring_keys(queries: Tensor, database: Tensor, count: int) -> Tensor:
-    """Which entries (q, d) are among the ``count`` nearest in the mean over sectors (L2)."""
+def key_distances(queries: Tensor, keys: Tensor) -> Tensor:
+    """L2 (q, n) of the ring keys of contexts (q, sectors, rings) to keys (n, rings)."""
     # Without matrix products, whose cancellation confuses keys that are close.
-    exact = "donot_use_mm_for_euclid_dist"
-    distance = torch.cdist(ring_keys(queries), ring_keys(database), compute_mode=exact)
-    nearest = distance.topk(count, largest=False).indices
-    return torch.zeros_like(distance, dtype=torch.bool).scatter_(1, nearest, True)
+    return torch.cdist(ring_keys(queries), keys, compute_mode="donot_use_mm_for_euclid_dist")

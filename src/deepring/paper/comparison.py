@@ -4,7 +4,7 @@ costs, and what each method takes.
 
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from deepring.evaluation.metrics import Over
 from deepring.paper.comparison_blocks import Block, Name, blocks_of, paper_of, seeds_of
@@ -93,7 +93,7 @@ def is_comparison(runs: Iterable[Run]) -> bool:
     tested in several places; a config of before there was ``method`` is DeepRING's.
     """
     return any(
-        _method_class(run) != "DeepRing" or len({(r.test, r.region) for r in run.results}) > 1
+        _method_class(run) != "DeepRing" or len({r.case.place for r in run.results}) > 1
         for run in runs
     )
 
@@ -150,7 +150,7 @@ def _crossings(tested: Sequence[Tested]) -> list[Crossing]:
     found = []
     for row in tested:
         case = row.case
-        home = known.get(case._replace(train=case.test))
+        home = known.get(replace(case, train=case.test))
         if case.crosses and case.region == "test" and home is not None:
             own, away = home.values("recall_1"), row.values("recall_1")
             both = [seed for seed in own if seed in away]

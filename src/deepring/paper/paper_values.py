@@ -39,7 +39,7 @@ PAPER = {
 }
 PAPER_WAYS = {8: 0.834, 16: 0.855, 24: 0.859, 32: 0.855}
 
-WAYS = "episode.ways"
+WAYS = "sampling.ways"
 
 #: Settings that the paper states, beside the similarity that goes with a loss.
 STATED = {
@@ -48,9 +48,9 @@ STATED = {
     "representation.bins": 120,
     "representation.pool": 1,
     WAYS: 24,
-    "episode.shots": 1,
-    "episode.queries": 6,
-    "episode.per_epoch": 60,
+    "sampling.shots": 1,
+    "sampling.queries": 6,
+    "sampling.per_epoch": 60,
     "optimizer.lr": 1e-3,
     "optimizer.weight_decay": 1e-4,
     "trainer.max_epochs": 20,

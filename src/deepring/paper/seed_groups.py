@@ -44,7 +44,6 @@ _ROOT = re.compile(r"(data|(train|test)_data\.[^.]+)\.root")
 
 #: What the results of one seed count, which must agree beside the data's place.
 COUNTED = ("database", "queries", "answerable")
-_COUNTED = ("test", "region", *COUNTED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +112,8 @@ class _Part:
 
     @property
     def counted(self) -> dict[str, Any]:
-        return {f"results {name}": getattr(self.result, name) for name in _COUNTED}
+        where = {f"results {name}": getattr(self.result.case, name) for name in ("test", "region")}
+        return where | {f"results {name}": getattr(self.result, name) for name in COUNTED}
 
 
 def collect_rows(runs: Sequence[Run], radius: float = 10.0, *, mix: bool = False) -> Rows:
@@ -176,7 +176,7 @@ def _part(run: Run, radius: float) -> _Part:
 
 
 def _result(run: Run, radius: float) -> Result:
-    own = [result for result in run.results if result.method == TRAINED]
+    own = [result for result in run.results if result.case.method == TRAINED]
     found = [result for result in own if math.isclose(result.radius_m, radius)]
     if len(found) == 1:
         return found[0]

@@ -6,12 +6,12 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
-#: Codes whose sums are kept at once, in the processor's nearest cache.
+#: Codes whose sums are computed at once, in the processor's nearest cache.
 LOT = 512
 
 
 def _read(number):
-    """A kept number as float32; uint16 are the upper halves of float32, that is bfloat16."""
+    """A stored number as float32; uint16 are the upper halves of float32, that is bfloat16."""
 
 
 @overload(_read)
@@ -37,7 +37,7 @@ def cross_spectrum(query, place, scale, real, imaginary):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def search(
-    queries, query_rest, places, scales, rest, which, first, waves, step, score, place, shift
+    queries, query_tails, places, scales, tails, which, first, basis, step, score, place, shift
 ):
     """Go through the places numbered ``which`` and keep the best of each query.
 
@@ -45,18 +45,18 @@ def search(
     ``step`` of them, the others add at most the product of what is left of query and place: a
     place that cannot reach the last of the best is read no further.
 
-    queries (q, k, 2, w) float32 and their rests (q, c), places (n, k, 2, w), scales (n, k) and
-    rests (n, c); ``first`` is added to the places' numbers; waves (2, k, θ): cosines and sines
-    with the weights of the inverse transform. The best so far, best first: score (q, best)
+    queries (q, k, 2, w) float32 and their tail norms (q, c), places (n, k, 2, w), scales (n, k)
+    and tail norms (n, c); ``first`` is added to the places' numbers; basis (2, k, θ): cosines and
+    sines with the weights of the inverse transform. The best so far, best first: score (q, best)
     float32, place and shift (q, best) int64.
     """
-    frequencies, rows = waves.shape[1], waves.shape[2]
+    frequencies, rows = basis.shape[1], basis.shape[2]
     real, imaginary = np.empty(frequencies, np.float32), np.empty(frequencies, np.float32)
     curve = np.empty(rows, np.float32)
     last = score.shape[1] - 1
     # A place is read from memory once and compared with all queries, which stay in the cache.
     for i in range(which.shape[0]):
-        one, scale, left = places[which[i]], scales[which[i]], rest[which[i]]
+        one, scale, tail = places[which[i]], scales[which[i]], tails[which[i]]
         for b in range(queries.shape[0]):
             bound, reach = np.float32(0), np.float32(0)
             for start in range(0, frequencies, step):
@@ -65,10 +65,10 @@ def search(
                 cross_spectrum(queries[b, start:end], one[start:end], scale[start:end], re, im)
                 for k in range(end - start):
                     size = math.sqrt(re[k] * re[k] + im[k] * im[k])
-                    bound += waves[0, start + k, 0] * size
+                    bound += basis[0, start + k, 0] * size
                 reach = bound
                 if end < frequencies:
-                    reach += query_rest[b, start // step] * left[start // step]
+                    reach += query_tails[b, start // step] * tail[start // step]
                 # All are rounded: the bound has to hold all the same.
                 if reach * np.float32(1.00001) <= score[b, last]:
                     break
@@ -77,7 +77,7 @@ def search(
             curve[:] = 0
             for k in range(frequencies):
                 for t in range(rows):
-                    curve[t] += real[k] * waves[0, k, t] - imaginary[k] * waves[1, k, t]
+                    curve[t] += real[k] * basis[0, k, t] - imaginary[k] * basis[1, k, t]
             best = np.argmax(curve)
             if curve[best] > score[b, last]:
                 insert(score[b], place[b], shift[b], curve[best], first + which[i], best)

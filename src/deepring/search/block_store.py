@@ -5,9 +5,9 @@ from collections.abc import Iterator, Mapping
 import torch
 from torch import Tensor
 
-from deepring.errors import DeepringError
+from deepring.errors import DataError
 
-#: BlockStore after which a block is closed; what is in a closed block is never copied again.
+#: Rows after which a block is closed; what is in a closed block is never copied again.
 BLOCK = 65_536
 
 #: Names of tensors whose rows lie along the last axis, so that one instruction compares many of
@@ -65,7 +65,7 @@ class BlockStore:
         return [*self._closed, *([self._open()] if self._used else [])]
 
     def chunks(self, size: int, *names: str) -> Iterator[tuple[int, list[Tensor]]]:
-        """Runs of at most ``size`` rows of the tensors asked for, with the number of the first."""
+        """Runs of at most ``size`` rows of the named tensors, with the number of the first row."""
         start = 0
         for block in self.blocks():
             length = _length(block)
@@ -85,7 +85,7 @@ class BlockStore:
             yield self._used, self._tail[name]
 
     def take(self, numbers: Tensor, *names: str) -> list[Tensor]:
-        """BlockStore by their numbers (n,), in that order, of tensors whose rows come first."""
+        """Rows by their numbers (n,), in that order, of tensors whose rows come first."""
         blocks = self.blocks()
         ends = torch.tensor([_length(block) for block in blocks]).cumsum(0)
         owner = torch.bucketize(numbers.cpu(), ends, right=True)
@@ -116,7 +116,7 @@ def _rows(tensor: Tensor, first: int, count: int, name: str) -> Tensor:
 def _length(rows: Mapping[str, Tensor]) -> int:
     lengths = lengths_of(rows)
     if len(lengths) != 1:
-        raise DeepringError(f"rows: tensors of {sorted(lengths)} rows, expected one length")
+        raise DataError(f"rows: tensors of {sorted(lengths)} rows, expected one length")
     return lengths.pop()
 
 

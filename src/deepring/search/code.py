@@ -13,8 +13,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from deepring.checks import count
 from deepring.core.correlation import theta_spectrum
-from deepring.errors import DeepringError
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,11 @@ class CodeSettings:
 
     def __post_init__(self) -> None:
         for name in ("frequencies", "components"):
-            if getattr(self, name) < 1:
-                raise DeepringError(f"code.{name}: {getattr(self, name)}, expected at least 1")
+            count(f"search.code.{name}", getattr(self, name))
 
 
 class Code(NamedTuple):
-    """How descriptors are made codes of."""
+    """How codes are made from descriptors."""
 
     basis: Tensor
     """(ω, p) orthonormal float32, principal directions of the rows of descriptors."""
@@ -76,16 +75,16 @@ def fit_code(descriptors: Tensor, settings: CodeSettings) -> Code:
     return Code(basis, largest.clamp_min(1e-30) / 127, rows)
 
 
-def code_scores(queries: Tensor, codes: Tensor, count: int | None = None) -> Tensor:
+def code_scores(queries: Tensor, codes: Tensor, number: int | None = None) -> Tensor:
     """Σ_k |c_k| (q, n) float32 of queries (q, k, p, 2) float32 with codes (k, p, 2, n) int8, or
-    with the first ``count`` of them."""
-    count = codes.shape[-1] if count is None else count
+    with the first ``number`` of them."""
+    number = codes.shape[-1] if number is None else number
     if queries.device.type == "cpu":
         from deepring.search import _correlation_kernels as _kernels
 
-        out = torch.empty(len(queries), count)
+        out = torch.empty(len(queries), number)
         _kernels.code_scores(queries.numpy(), codes.contiguous().numpy(), out.numpy())
         return out
     complex_queries = torch.view_as_complex(queries).transpose(0, 1)
-    planes = codes[..., :count].float()
+    planes = codes[..., :number].float()
     return torch.bmm(complex_queries, torch.complex(planes[:, :, 0], -planes[:, :, 1])).abs().sum(0)

@@ -1,11 +1,11 @@
-"""Search by a method's own comparison, for methods that no faster index is made for."""
+"""Exhaustive search by a method's own comparison."""
 
 from typing import Protocol
 
 import torch
 from torch import Tensor
 
-from deepring.errors import DeepringError
+from deepring.checks import count
 from deepring.search.block_store import BlockStore
 from deepring.search.hits import Best, Hits
 
@@ -13,7 +13,7 @@ from deepring.search.hits import Best, Hits
 _CHUNK = 1024
 
 
-class Comparison(Protocol):
+class Compared(Protocol):
     """What `Comparer.compare` gives: scores, and turns or None, each (q, d)."""
 
     @property
@@ -30,7 +30,7 @@ class Comparison(Protocol):
 class Comparer(Protocol):
     """Anything that compares descriptors, such as a method."""
 
-    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+    def compare(self, queries: Tensor, database: Tensor) -> Compared:
         """Compare descriptors (q, ...) with descriptors (d, ...)."""
         ...
 
@@ -51,16 +51,15 @@ class CompareIndex:
 
     def search(self, queries: Tensor, k: int = 1) -> Hits:
         """The ``k`` most alike places."""
-        if k < 1:
-            raise DeepringError(f"k: {k}, expected at least 1")
+        count("k", k)
         best = Best(len(queries), k, queries.device)
         for start, (part,) in self.places.chunks(_CHUNK, "descriptor"):
             score = self.method.compare(queries, part).score
-            best.see(score, torch.arange(start, start + len(part), device=score.device))
+            best.update(score, torch.arange(start, start + len(part), device=score.device))
         return Hits(best.place, best.score, self._turns(queries, best.place))
 
     def _turns(self, queries: Tensor, places: Tensor) -> Tensor | None:
-        """Of the places found alone, since some methods align but a few."""
+        """Turns of the hits alone, since some methods align few entries per query."""
         turns = []
         for query, place in zip(queries, places, strict=True):
             if not len(place):

@@ -1,30 +1,33 @@
 """Search by circular cross-correlation: of all places, or of the best by a short code."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
+from deepring.checks import count, one_of, share
 from deepring.core.correlation import shift_to_turn
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError, DataError, FileError
+from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
+from deepring.io.tensor_types import TensorType
 from deepring.search import exact
 from deepring.search.block_store import BlockStore
 from deepring.search.code import Code, CodeSettings, code_scores, fit_code
 from deepring.search.hits import Best, Hits
-from deepring.search.shards import read_header, read_shards, write_header, write_shard
-from deepring.search.spectra import Precision, encode, expect_precision, spectrum_planes
+from deepring.search.shards import INDEX, Shard, expect_block, read_shards, write_shard
+from deepring.search.spectra import Precision, encode, padded_spectra
 
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """How places are kept and looked up."""
+    """How places are stored and looked up."""
 
     precision: Precision = "float32"
     code: CodeSettings | None = field(default_factory=CodeSettings)
-    """None keeps no codes: every search is exhaustive."""
+    """None stores no codes: every search is exhaustive."""
     exhaustive_below: int = 20_000
     """Places up to which all are compared."""
     candidates: int = 500
@@ -33,13 +36,35 @@ class SearchSettings:
     """The same as a share of all places; the larger of the two counts."""
 
     def __post_init__(self) -> None:
-        expect_precision("search.precision", self.precision)
-        if self.candidates < 1 or self.exhaustive_below < 0 or not 0 <= self.candidate_share <= 1:
-            raise DeepringError(
-                f"search.candidates: {self.candidates}, search.exhaustive_below: "
-                f"{self.exhaustive_below}, search.candidate_share: {self.candidate_share}; "
-                "expected at least 1, at least 0, and a share in [0, 1]"
-            )
+        one_of("search.precision", self.precision, Precision)
+        count("search.candidates", self.candidates)
+        count("search.exhaustive_below", self.exhaustive_below, 0)
+        share("search.candidate_share", self.candidate_share)
+
+
+@dataclass(frozen=True)
+class IndexHeader:
+    """What all places of an index share."""
+
+    settings: SearchSettings
+    period: float
+    cells: float
+    shape: tuple[int, int] | None
+    """(θ, ω) of the descriptors; None before the first."""
+    shards: tuple[Shard, ...]
+
+
+FORMAT = SealedFormat(
+    "index",
+    3,
+    IndexHeader,
+    {
+        "basis": TensorType("float32", ("ω", "components"), optional=True),
+        "step": TensorType("float32", ("frequencies", "components"), optional=True),
+    },
+    wanted="an index as CorrelationIndex.save writes it",
+    remedy="build the index again and save it",
+)
 
 
 class CorrelationIndex:
@@ -66,7 +91,7 @@ class CorrelationIndex:
         self.code: Code | None = None
         self.shape: tuple[int, int] | None = None
         self._folder: Path | None = None
-        self._kept = 0  # blocks of places that lie in that folder
+        self._shards: tuple[Shard, ...] = ()  # the first blocks, which lie in that folder
 
     def __len__(self) -> int:
         return len(self.places)
@@ -100,118 +125,121 @@ class CorrelationIndex:
             exhaustive: compare all places; by default up to ``exhaustive_below`` of them.
             before: leave out this place and those added after it.
         """
-        if k < 1:
-            raise DeepringError(f"k: {k}, expected at least 1")
+        count("k", k)
         queries = self._checked(queries)
         if exhaustive is None:
             exhaustive = self.code is None or len(self) <= self.settings.exhaustive_below
-        count = len(self) if before is None else max(0, min(before, len(self)))
+        number = len(self) if before is None else max(0, min(before, len(self)))
         if exhaustive:
-            which = None if before is None else torch.arange(count, device=self.device)
-            best = self._exact(spectrum_planes(queries), k, which)
+            which = None if before is None else torch.arange(number, device=self.device)
+            best = self._exact(padded_spectra(queries), k, which)
         elif self.code is None:
-            raise DeepringError("exhaustive: False, but the index keeps no codes; set search.code")
+            raise ConfigError(
+                "exhaustive: False, but the index stores no codes; set search.code, or leave it out"
+            )
         else:
-            best = self._among_candidates(queries, self.code, k, count)
+            best = self._among_candidates(queries, self.code, k, number)
         turn = shift_to_turn(best.shift, queries.shape[-2], self.period)
         return Hits(best.place, best.score / self.cells, turn)
 
-    def candidates(self, queries: Tensor, code: Code, count: int | None = None) -> Tensor:
-        """The places (q, c) int64, of the first ``count``, that the codes put first."""
-        count = len(self) if count is None else count
-        share = math.ceil(self.settings.candidate_share * count)
-        planes = code.queries(queries)
-        scores = [code_scores(planes, codes, used) for used, codes in self.places.whole("code")]
-        every = torch.cat(scores, dim=1)[:, :count]
-        kept = min(max(self.settings.candidates, share), count)
-        return every.topk(kept, dim=1, sorted=False).indices
+    def candidates(self, queries: Tensor, code: Code, number: int | None = None) -> Tensor:
+        """The places (q, c) int64, of the first ``number``, that the codes put first."""
+        number = len(self) if number is None else number
+        weights = code.queries(queries)
+        scores = [code_scores(weights, codes, used) for used, codes in self.places.whole("code")]
+        every = torch.cat(scores, dim=1)[:, :number]
+        least = math.ceil(self.settings.candidate_share * number)
+        size = min(max(self.settings.candidates, least), number)
+        return every.topk(size, dim=1, sorted=False).indices
 
-    def _exact(self, planes: Tensor, k: int, which: Tensor | None = None) -> Best:
+    def _exact(self, spectra: Tensor, k: int, which: Tensor | None = None) -> Best:
         form = exact.compiled if self.device.type == "cpu" else exact.batched
-        return form(self.places, planes, self._rows, k, which)
+        return form(self.places, spectra, self._rows, k, which)
 
-    def _among_candidates(self, queries: Tensor, code: Code, k: int, count: int) -> Best:
-        places = self.candidates(queries, code, count).sort(dim=1).values
-        planes = spectrum_planes(queries)
-        found = [self._exact(planes[q : q + 1], k, places[q]) for q in range(len(planes))]
+    def _among_candidates(self, queries: Tensor, code: Code, k: int, number: int) -> Best:
         best = Best(len(queries), k, self.device)
-        best.see(*(torch.cat([getattr(f, n) for f in found]) for n in ("score", "place", "shift")))
+        if not len(queries):
+            return best
+        places = self.candidates(queries, code, number).sort(dim=1).values
+        spectra = padded_spectra(queries)
+        tops = [self._exact(spectra[q : q + 1], k, places[q]) for q in range(len(spectra))]
+        names = ("score", "place", "shift")
+        best.update(*(torch.cat([getattr(top, name) for top in tops]) for name in names))
         return best
 
     def save(self, folder: Path | str) -> None:
         """Write the places to a folder and go on with them memory-mapped from there.
 
         Places that lie there already are neither read nor rewritten: save after each lot of
-        places to build an index larger than memory, or to add to one. Raises DeepringError where
-        the folder holds another index.
+        places to build an index larger than memory, or to add to one. Raises FileError where the
+        folder holds another index.
         """
         folder = Path(folder)
         blocks = self.places.blocks()
-        kept = self._kept if folder == self._folder else 0
-        if kept == 0 and folder.is_dir() and any(folder.iterdir()):
-            raise DeepringError(
+        shards = self._shards if folder == self._folder else ()
+        if not shards and folder.is_dir() and any(folder.iterdir()):
+            raise FileError(
                 f"index {folder}: holds files already; expected a folder that is empty or new, or "
-                "the one that this index was opened from"
+                "the one that this index was opened from; name such a folder"
             )
-        for number, block in enumerate(blocks[kept:], start=kept):
-            write_shard(folder, number, block)
+        shards += tuple(
+            write_shard(folder, number, blocks[number])
+            for number in range(len(shards), len(blocks))
+        )
         tensors = {} if self.code is None else {"basis": self.code.basis, "step": self.code.step}
-        values = {
-            "settings": asdict(self.settings),
-            "period": self.period,
-            "cells": self.cells,
-            "shape": self.shape,
-        }
-        lengths = [len(block["values"]) for block in blocks]
-        write_header(folder, tensors, values, lengths)
-        self._attach(folder, lengths)
+        header = IndexHeader(self.settings, self.period, self.cells, self.shape, shards)
+        write_sealed(folder / INDEX, FORMAT, header, tensors)
+        self._attach(folder, shards)
 
     @classmethod
-    def open(cls, folder: Path | str) -> "CorrelationIndex":
-        """Open what `save` wrote, memory-mapped. Raises DeepringError for anything else."""
+    def open(cls, folder: Path | str, *, check: bool = False) -> "CorrelationIndex":
+        """Open what `save` wrote, memory-mapped; ``check`` reads every byte first.
+
+        Raises FileError for anything else.
+        """
         folder = Path(folder)
-        tensors, header = read_header(folder)
-        try:
-            settings = dict(header["settings"])
-            code = settings.pop("code")
-            code = None if code is None else CodeSettings(**code)
-            index = cls(
-                SearchSettings(code=code, **settings),
-                period=header["period"],
-                cells=header["cells"],
-            )
-            index.shape = None if header["shape"] is None else tuple(header["shape"])
-            if tensors:
-                index.code = Code(tensors["basis"], tensors["step"], index._rows)
-            index._attach(folder, header["lengths"])
-        except (KeyError, TypeError) as error:
-            raise DeepringError(
-                f"index {folder}: its header lacks {error}; write it again"
-            ) from error
+        file = open_sealed(folder / INDEX, FORMAT, check=True)
+        header = file.header
+        index = cls(header.settings, period=header.period, cells=header.cells)
+        index.shape = header.shape
+        index._attach(folder, header.shards, check=check)
+        with file.contents():
+            index._take_code(file.tensors.get("basis"), file.tensors.get("step"))
         return index
 
     def restore(
         self,
         rows: Mapping[str, Tensor],
-        shape: Sequence[int],
+        shape: tuple[int, int] | None,
         basis: Tensor | None = None,
         step: Tensor | None = None,
     ) -> None:
         """Take rows as `BlockStore` holds them, such as memory-mapped ones, in place of all places.
 
         ``shape`` is (θ, ω) of the descriptors; ``basis`` and ``step`` are those of their code.
+        Raises DataError where these do not fit together.
         """
         self.places = BlockStore()
-        self.places.attach({name: value.to(self.device) for name, value in rows.items()})
-        self.shape = (shape[0], shape[1])
-        coded = basis is not None and step is not None
-        self.code = Code(basis, step, shape[0]) if coded else None  # type: ignore[arg-type]
+        if rows:
+            self.places.attach({name: value.to(self.device) for name, value in rows.items()})
+        self.shape = shape
+        self._take_code(basis, step)
 
-    def _attach(self, folder: Path, lengths: list[int]) -> None:
+    def _attach(self, folder: Path, shards: tuple[Shard, ...], check: bool = False) -> None:
         self.places = BlockStore()
-        for block in read_shards(folder, lengths):
+        for block in read_shards(folder, shards, check=check):
             self.places.attach({name: value.to(self.device) for name, value in block.items()})
-        self._folder, self._kept = folder, len(lengths)
+        self._folder, self._shards = folder, shards
+
+    def _take_code(self, basis: Tensor | None, step: Tensor | None) -> None:
+        """Take the code of places that are there. Raises DataError where the two do not fit."""
+        self.code = None
+        if basis is not None and step is not None and self.shape is not None:
+            self.code = Code(basis.to(self.device), step.to(self.device), self._rows)
+        for block in self.places.blocks():
+            expect_block(block, self.shape, self.settings.precision, self.code)
+        if self.places and (self.code is None) != (self.settings.code is None):
+            raise DataError("places without their code, or with one that the settings do not name")
 
     @property
     def _rows(self) -> int:
@@ -220,14 +248,12 @@ class CorrelationIndex:
 
     def _checked(self, descriptors: Tensor) -> Tensor:
         if descriptors.ndim != 3:
-            raise DeepringError(
-                f"descriptors: shape {tuple(descriptors.shape)}, expected (n, θ, ω)"
-            )
+            raise DataError(f"descriptors: shape {tuple(descriptors.shape)}, expected (n, θ, ω)")
         shape = (descriptors.shape[1], descriptors.shape[2])
         if self.shape is None:
             self.shape = shape
         if shape != self.shape:
-            raise DeepringError(
+            raise DataError(
                 f"descriptors: {shape[0]} x {shape[1]}, but the places are {self.shape[0]} x "
                 f"{self.shape[1]}; describe both by one method"
             )

@@ -5,7 +5,7 @@ from torch import Tensor
 
 from deepring.search.block_store import BlockStore
 from deepring.search.hits import Best
-from deepring.search.spectra import STEP, Spectra, best_shift, rest_of, waves
+from deepring.search.spectra import TAIL_STEP, Spectra, best_shift, idft_basis, tail_norms
 
 #: Floats of correlation curves that the torch form holds at once.
 _CURVES = 2**24
@@ -14,25 +14,27 @@ _NAMES = Spectra._fields
 
 
 def compiled(
-    places: BlockStore, planes: Tensor, rows: int, k: int, which: Tensor | None = None
+    places: BlockStore, queries: Tensor, rows: int, k: int, which: Tensor | None = None
 ) -> Best:
     """The ``k`` best of all places, or of those numbered ``which`` (n,) in ascending order.
 
     Args:
         places: rows of `Spectra` in memory.
-        planes: queries (q, f, 2, w), see `deepring.search.spectra.spectrum_planes`.
+        queries: (q, k, 2, w) spectra, see `deepring.search.spectra.padded_spectra`.
         rows: θ of the descriptors.
         k: places wanted.
         which: places to compare with; None takes all.
     """
     from deepring.search import _correlation_kernels as _kernels
 
-    score = torch.full((len(planes), k), torch.finfo().min)
-    place, shift = torch.full((2, len(planes), k), -1, dtype=torch.int64)
-    wave, queries, rest_of_queries = waves(rows).numpy(), planes.numpy(), rest_of(planes, rows)
+    score = torch.full((len(queries), k), torch.finfo().min)
+    place, shift = torch.full((2, len(queries), k), -1, dtype=torch.int64)
+    best = (score.numpy(), place.numpy(), shift.numpy())
+    spectra = (queries.numpy(), tail_norms(queries, rows).numpy())
+    basis = idft_basis(rows).numpy()
     first = 0
     for block in places.blocks():
-        values, scale, rest = (block[name] for name in _NAMES)
+        values, scale, tails = (block[name] for name in _NAMES)
         if values.dtype == torch.bfloat16:  # which NumPy does not know
             values = values.view(torch.uint16)
         end = first + len(values)
@@ -40,27 +42,28 @@ def compiled(
             torch.arange(first, end) if which is None else which[(which >= first) & (which < end)]
         )
         numbers = (some - first).numpy()
-        arrays = (values.numpy(), scale.numpy(), rest.numpy(), numbers, first, wave, STEP)
-        found = (score.numpy(), place.numpy(), shift.numpy())
-        _kernels.search(queries, rest_of_queries.numpy(), *arrays, *found)
+        arrays = (values.numpy(), scale.numpy(), tails.numpy(), numbers, first, basis, TAIL_STEP)
+        _kernels.search(*spectra, *arrays, *best)
         first = end
-    there = min(k, first if which is None else len(which))
-    best = Best(len(planes), k)
-    best.score, best.place, best.shift = (t[:, :there] for t in (score, place, shift))
-    return best
+    top = Best(len(queries), k)
+    size = min(k, first if which is None else len(which))
+    top.score, top.place, top.shift = (t[:, :size] for t in (score, place, shift))
+    return top
 
 
 def batched(
-    places: BlockStore, planes: Tensor, rows: int, k: int, which: Tensor | None = None
+    places: BlockStore, queries: Tensor, rows: int, k: int, which: Tensor | None = None
 ) -> Best:
     """`compiled` in plain torch, on the device of the places."""
-    best = Best(len(planes), k, planes.device)
+    best = Best(len(queries), k, queries.device)
     if which is not None:
-        score, shift = best_shift(planes, Spectra(*places.take(which, *_NAMES)), rows)
-        best.see(score, which, shift)
+        score, shift = best_shift(queries, Spectra(*places.take(which, *_NAMES)), rows)
+        best.update(score, which, shift)
         return best
-    size = max(16, _CURVES // max(1, len(planes) * rows))
+    size = max(16, _CURVES // max(1, len(queries) * rows))
     for start, part in places.chunks(size, *_NAMES):
-        score, shift = best_shift(planes, Spectra(*part), rows)
-        best.see(score, torch.arange(start, start + score.shape[1], device=planes.device), shift)
+        score, shift = best_shift(queries, Spectra(*part), rows)
+        best.update(
+            score, torch.arange(start, start + score.shape[1], device=queries.device), shift
+        )
     return best

@@ -1,4 +1,4 @@
-"""What a search finds, and keeping the best of it while it goes through the places."""
+"""The results of a search, and a running top k while it goes through the places."""
 
 from typing import NamedTuple, Protocol
 
@@ -32,7 +32,7 @@ class Index(Protocol):
 
 
 class Best:
-    """The ``k`` best of what has been seen. Of equal scores the place that was first stays."""
+    """A running top ``k`` of each query. Ties keep the earlier place."""
 
     def __init__(self, queries: int, k: int, device: torch.device | None = None) -> None:
         self.k = k
@@ -40,12 +40,12 @@ class Best:
         self.place = torch.empty(queries, 0, dtype=torch.int64, device=device)
         self.shift = torch.empty(queries, 0, dtype=torch.int64, device=device)
 
-    def see(self, score: Tensor, place: Tensor, shift: Tensor | None = None) -> None:
+    def update(self, score: Tensor, place: Tensor, shift: Tensor | None = None) -> None:
         """Further scores (q, n) of places (n,) or (q, n), later ones than before."""
         if score.shape[1] > self.k:
-            score, kept = score.topk(self.k, dim=1)
-            place = place[kept] if place.ndim == 1 else place.gather(1, kept)
-            shift = None if shift is None else shift.gather(1, kept)
+            score, top = score.topk(self.k, dim=1)
+            place = place[top] if place.ndim == 1 else place.gather(1, top)
+            shift = None if shift is None else shift.gather(1, top)
         place = place.expand_as(score)
         shift = torch.zeros_like(place) if shift is None else shift
         score = torch.cat([self.score, score], dim=1)

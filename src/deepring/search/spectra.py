@@ -1,28 +1,27 @@
-"""θ-spectra of descriptors as a map keeps them, and their correlation with queries (Eq. 8).
+"""θ-spectra of descriptors as an index stores them, and their correlation with queries (Eq. 8).
 
 Correlating over rotations is a product for each θ-frequency, summed over ω, and one inverse
-transform after the sum. The DFT over θ of what does not change is therefore kept, not the
-descriptor.
+transform after the sum. The DFT over θ is therefore stored, not the descriptor.
 """
 
 import math
 from functools import lru_cache
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 import torch
 from torch import Tensor
 
+from deepring.core import fourier
 from deepring.core.correlation import theta_spectrum
-from deepring.errors import DeepringError
 
 Precision = Literal["float32", "bfloat16", "int8"]
-"""How a number of a spectrum is kept. int8 has a scale for each place and θ-frequency."""
+"""How a number of a spectrum is stored. int8 has one scale per place and θ-frequency."""
 
 #: ω is padded with zeros to a multiple of this, so that compiled loops have no remainder.
 LANES = 16
 
 #: Frequencies after which a compiled loop asks whether the others can still make a place the best.
-STEP = 8
+TAIL_STEP = 8
 
 
 class Spectra(NamedTuple):
@@ -32,44 +31,41 @@ class Spectra(NamedTuple):
     """(n, k, 2, w) real and imaginary parts, w padded with zeros."""
     scale: Tensor
     """(n, k) float32: what each frequency's values are to be multiplied by."""
-    rest: Tensor
-    """(n, c) float32: size of the frequencies from 8, 16, ... on, see `rest_of`."""
+    tails: Tensor
+    """(n, c) float32: norms of the frequencies from 8, 16, ... on, see `tail_norms`."""
 
 
-def expect_precision(name: str, precision: str) -> None:
-    """Raise DeepringError where ``precision`` is no `Precision`."""
-    if precision not in get_args(Precision):
-        raise DeepringError(f"{name}: {precision!r}, expected one of {get_args(Precision)}")
+def padded_spectra(descriptors: Tensor) -> Tensor:
+    """θ-spectra (n, k, 2, w) float32 of descriptors (n, θ, ω): real and imaginary parts.
 
-
-def spectrum_planes(descriptors: Tensor) -> Tensor:
-    """θ-spectra (n, k, 2, w) float32 of descriptors (n, θ, ω)."""
+    w is ω, padded with zeros to a multiple of `LANES`.
+    """
     spectrum = torch.view_as_real(theta_spectrum(descriptors)).transpose(-1, -2)
     padding = -spectrum.shape[-1] % LANES
     return torch.nn.functional.pad(spectrum, (0, padding)).contiguous()
 
 
 def encode(descriptors: Tensor, precision: Precision) -> Spectra:
-    """What a map keeps of descriptors (n, θ, ω)."""
-    planes = spectrum_planes(descriptors)
-    scale = torch.ones(planes.shape[:2], device=planes.device)
+    """What an index stores of descriptors (n, θ, ω)."""
+    spectra = padded_spectra(descriptors)
+    scale = torch.ones(spectra.shape[:2], device=spectra.device)
     if precision == "int8":
-        scale = planes.abs().amax(dim=(-2, -1)).clamp_min(1e-30) / 127
-    values = planes / scale[..., None, None]
+        scale = spectra.abs().amax(dim=(-2, -1)).clamp_min(1e-30) / 127
+    values = spectra / scale[..., None, None]
     values = (values.round() if precision == "int8" else values).to(getattr(torch, precision))
-    kept = values.float() * scale[..., None, None]
-    return Spectra(values, scale, rest_of(kept, descriptors.shape[1]))
+    rounded = values.float() * scale[..., None, None]
+    return Spectra(values, scale, tail_norms(rounded, descriptors.shape[1]))
 
 
-def rest_of(planes: Tensor, rows: int) -> Tensor:
-    """Size (n, c) of the spectra (n, k, 2, w) from frequency 8, 16, ... on.
+def tail_norms(spectra: Tensor, rows: int) -> Tensor:
+    """Norms (n, c) of the spectra (n, k, 2, w) from frequency 8, 16, ... on.
 
-    The frequencies from there on add at most the product of two spectra's sizes to a correlation
+    The frequencies from there on add at most the product of two spectra's norms to a correlation
     (Cauchy and Schwarz), whatever the rotation. Their weights are the inverse DFT's.
     """
-    weight = waves(rows)[0, :, 0].to(planes.device)
-    energy = planes.square().sum(dim=(-2, -1)) * weight
-    return energy.flip(1).cumsum(dim=1).flip(1)[:, STEP::STEP].sqrt().contiguous()
+    weight = idft_basis(rows)[0, :, 0].to(spectra.device)
+    energy = spectra.square().sum(dim=(-2, -1)) * weight
+    return energy.flip(1).cumsum(dim=1).flip(1)[:, TAIL_STEP::TAIL_STEP].sqrt().contiguous()
 
 
 def best_shift(queries: Tensor, places: Spectra, rows: int) -> tuple[Tensor, Tensor]:
@@ -78,12 +74,12 @@ def best_shift(queries: Tensor, places: Spectra, rows: int) -> tuple[Tensor, Ten
     In plain torch, on whatever device the places are.
 
     Args:
-        queries: (q, k, 2, w) float32, from `spectrum_planes`.
+        queries: (q, k, 2, w) float32, from `padded_spectra`.
         places: n of them.
         rows: θ of the descriptors.
     """
     cross = cross_spectra(queries, places)
-    curves = torch.fft.irfft(torch.view_as_complex(cross), n=rows, dim=-1)
+    curves = fourier.irfft(torch.view_as_complex(cross), n=rows, dim=-1)
     best = curves.max(dim=-1)
     return best.values, best.indices
 
@@ -109,7 +105,7 @@ def cross_spectra(queries: Tensor, places: Spectra) -> Tensor:
 
 @lru_cache
 @torch.inference_mode(False)
-def waves(rows: int) -> Tensor:
+def idft_basis(rows: int) -> Tensor:
     """The inverse DFT of ``rows`` real values by sums: weighted cosines and sines (2, k, θ)."""
     frequency = torch.arange(rows // 2 + 1, dtype=torch.float64)
     # Frequencies other than 0 and θ / 2 occur twice in the full spectrum.

@@ -1,33 +1,46 @@
-"""Search by Euclidean distance or cosine, for methods whose descriptors are vectors (FAISS)."""
+"""Exhaustive search by Euclidean distance or cosine, for methods whose descriptors are vectors."""
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Literal
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from deepring.errors import DeepringError
+from deepring.checks import count, one_of
+from deepring.errors import DataError
 from deepring.search.block_store import BlockStore
 from deepring.search.hits import Best, Hits
 
 Metric = Literal["l2", "cosine"]
 
-#: How many more neighbours FAISS is asked for than wanted. In batches it computes L2 by
-#: products, whose cancellation confuses neighbours that are close; these are compared again.
-_SPARE = 32
+#: Candidates beyond the ``k`` wanted. Products rank them, whose cancellation confuses neighbours
+#: that are close; candidates are then compared by their differences.
+SPARE = 32
+
+#: Queries that count as few: products are then taken places first.
+_FEW = 8
+
+#: Places that are compared at once: with few queries, with many, and by differences.
+_CHUNK_OF_FEW, _CHUNK, _CHUNK_OF_DIFFERENCES = 65_536, 16_384, 4096
 
 
 class VectorIndex:
-    """Exhaustive search of vectors by FAISS's flat index, on the CPU.
+    """Exhaustive search of float32 vectors on the CPU. Scores are -‖Q - D‖, or the cosine.
 
-    Scores are -‖Q - D‖, or the cosine.
+    Matrix products choose candidates, and these alone are compared by their differences. For each
+    query the rounding of the products is bounded: where a place that is no candidate could still
+    be among the best, all places are compared by their differences.
 
     Args:
         metric: 'l2' or 'cosine'.
-        vectors: makes vectors (n, d) of descriptors; by default these are flattened.
-        align: turn (k,) of one query's descriptor to those of places (k, ...); descriptors are
-            then kept. None: the turn is not known.
+        vectors: makes vectors (n, d) from descriptors; by default these are flattened.
+        align: turn (k,) from each of some places (k, ...) to one query's descriptor; descriptors
+            are then stored. None: the turn is not known.
+
+    Raises:
+        ConfigError: another metric, or k below 1.
+        DataError: descriptors whose vectors have another length than those of the places.
     """
 
     def __init__(
@@ -36,45 +49,83 @@ class VectorIndex:
         vectors: Callable[[Tensor], Tensor] | None = None,
         align: Callable[[Tensor, Tensor], Tensor] | None = None,
     ) -> None:
-        if metric not in ("l2", "cosine"):
-            raise DeepringError(f"metric: {metric!r}, expected 'l2' or 'cosine'")
-        self.metric, self.align = metric, align
+        self.metric, self.align = one_of("metric", metric, Metric), align
+        self.places = BlockStore()
         self._make_vectors = vectors or (lambda descriptors: descriptors.flatten(1))
-        self._flat: Any = None
-        self._descriptors = BlockStore()
+        self._width: int | None = None
+        self._largest = 0.0  # norm of any place's vector
 
     def __len__(self) -> int:
-        return 0 if self._flat is None else int(self._flat.ntotal)
+        return len(self.places)
 
     def add(self, descriptors: Tensor) -> None:
         """Add places by their descriptors (n, ...)."""
-        import faiss
-
         vectors = self._vectors(descriptors)
-        if self._flat is None:
-            kind = faiss.IndexFlatL2 if self.metric == "l2" else faiss.IndexFlatIP
-            self._flat = kind(vectors.shape[1])
-        self._flat.add(self._checked(vectors))
+        if not len(vectors):
+            return
+        norms = torch.linalg.vector_norm(vectors, dim=1)
+        self._largest = max(self._largest, float(norms.max()))
+        rows = {"vector": vectors, "offset": norms.square() / 2 if self._is_l2 else 0 * norms}
         if self.align is not None:
-            self._descriptors.add({"descriptor": descriptors.cpu()})
+            rows["descriptor"] = descriptors.cpu()
+        self.places.add(rows)
 
     def search(self, queries: Tensor, k: int = 1) -> Hits:
         """The ``k`` nearest places of queries (q, ...)."""
-        if k < 1:
-            raise DeepringError(f"k: {k}, expected at least 1")
+        count("k", k)
         best = Best(len(queries), k)
-        if self._flat is not None:
+        if len(self) and len(queries):
             vectors = self._vectors(queries)
-            _, near = self._flat.search(self._checked(vectors), min(k + _SPARE, len(self)))
-            near.sort(axis=1)
-            found = torch.from_numpy(self._flat.reconstruct_batch(near.ravel()))
-            best.see(self._score(vectors, found.view(*near.shape, -1)), torch.from_numpy(near))
+            best = self._by_products(vectors, k)
         return Hits(best.place, best.score, self._turns(queries.cpu(), best.place))
 
-    def _score(self, queries: Tensor, found: Tensor) -> Tensor:
-        if self.metric == "cosine":
-            return torch.einsum("qd,qkd->qk", queries, found)
-        return -torch.linalg.vector_norm(queries[:, None] - found, dim=-1)
+    @property
+    def _is_l2(self) -> bool:
+        return self.metric == "l2"
+
+    def _by_products(self, queries: Tensor, k: int) -> Best:
+        """The best among candidates; among all places for queries that rounding may mislead."""
+        candidates = Best(len(queries), k + SPARE)
+        size = _CHUNK_OF_FEW if len(queries) < _FEW else _CHUNK
+        for start, (part, offset) in self.places.chunks(size, "vector", "offset"):
+            numbers = torch.arange(start, start + len(part))
+            candidates.update(_products(part, queries) - offset, numbers)
+        place = candidates.place.sort(dim=1).values
+        (vectors,) = self.places.take(place.flatten(), "vector")
+        best = Best(len(queries), k)
+        best.update(self._score(queries, vectors.view(*place.shape, -1)), place)
+        if len(self) > k + SPARE:
+            unsure = self._unsure(queries, best.score[:, -1], candidates.score[:, -1])
+            if unsure.any():
+                again = self._by_differences(queries[unsure], k)
+                best.score[unsure], best.place[unsure] = again.score, again.place
+        return best
+
+    def _unsure(self, queries: Tensor, worst: Tensor, bar: Tensor) -> Tensor:
+        """Whether (q,) a place that is no candidate could be better than the ``worst`` (q,) hit.
+
+        Ranked is Q·D - ‖D‖²/2, at most ``bar`` (q,) for places that are no candidates. A sum of d
+        products is off by at most d units of rounding times the product of the norms.
+        """
+        norm = torch.linalg.vector_norm(queries, dim=1)
+        rank = (norm.square() - worst.square()) / 2 if self._is_l2 else worst
+        units = (queries.shape[1] + 8) * torch.finfo(torch.float32).eps
+        slack = units * (norm + self._largest) ** 2
+        return rank <= bar + slack
+
+    def _by_differences(self, queries: Tensor, k: int) -> Best:
+        """The best of all places, one query at a time in memory."""
+        best = Best(len(queries), k)
+        for start, (part,) in self.places.chunks(_CHUNK_OF_DIFFERENCES, "vector"):
+            score = torch.cat([self._score(query[None], part[None]) for query in queries])
+            best.update(score, torch.arange(start, start + len(part)))
+        return best
+
+    def _score(self, queries: Tensor, places: Tensor) -> Tensor:
+        """Scores (q, k) of queries (q, d) with k places each, (q, k, d)."""
+        if self._is_l2:
+            return -torch.linalg.vector_norm(queries[:, None] - places, dim=-1)
+        return torch.einsum("qd,qkd->qk", queries, places)
 
     def _turns(self, queries: Tensor, places: Tensor) -> Tensor | None:
         if self.align is None:
@@ -82,17 +133,26 @@ class VectorIndex:
         turns = torch.empty(places.shape)
         for k, place in enumerate(places):
             if len(place):
-                turns[k] = self.align(queries[k], self._descriptors.take(place, "descriptor")[0])
+                turns[k] = self.align(queries[k], self.places.take(place, "descriptor")[0])
         return turns
 
     def _vectors(self, descriptors: Tensor) -> Tensor:
         vectors = self._make_vectors(descriptors).detach().float().cpu()
-        return F.normalize(vectors, dim=1) if self.metric == "cosine" else vectors
-
-    def _checked(self, vectors: Tensor) -> Any:
-        if vectors.shape[1] != self._flat.d:
-            raise DeepringError(
-                f"descriptors: {vectors.shape[1]} numbers, but the places have {self._flat.d}; "
+        width = vectors.shape[1]
+        if self._width is None:
+            self._width = width
+        if width != self._width:
+            raise DataError(
+                f"descriptors: {width} numbers, but the places have {self._width}; "
                 "describe both by one method"
             )
-        return vectors.contiguous().numpy()
+        return F.normalize(vectors, dim=1) if not self._is_l2 else vectors
+
+
+def _products(places: Tensor, queries: Tensor) -> Tensor:
+    """Q·D (q, n) of queries (q, d) with places (n, d)."""
+    if len(queries) >= _FEW:
+        return queries @ places.T
+    # One query is taken twice: BLAS multiplies a matrix by a single vector at half the speed.
+    several = queries if len(queries) > 1 else queries.repeat(2, 1)
+    return (places @ several.T)[:, : len(queries)].T.contiguous()

@@ -1,0 +1,133 @@
+"""The tree of commands. Parsers import nothing heavy; what does the work comes after parsing."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from deepring import __version__
+from deepring.cli import dataset_options, place_options, run_options
+from deepring.cli.parser import HydraParser, MixedParser, Parser, subcommands
+
+
+class Command(NamedTuple):
+    """One command of ``deepring``."""
+
+    add_options: Callable[[Parser], None]
+    summary: str
+    description: str = ""
+    parser: type[Parser] = Parser
+    epilog: Callable[[], str] | None = None
+    """Called where the help is shown."""
+
+
+COMMANDS = {
+    "train": Command(
+        run_options.add_train,
+        "train a method and evaluate it, or run a sweep (-m)",
+        "Train a method and evaluate it. resume=CHECKPOINT goes on in that run's folder; -m runs "
+        "a sweep,\none job after the other or as hydra/launcher= has it.",
+        HydraParser,
+        run_options.config_help,
+    ),
+    "evaluate": Command(
+        run_options.add_evaluate,
+        "evaluate methods on a test region",
+        "Evaluate the network of checkpoint=FILE, and the methods that learn nothing.",
+        HydraParser,
+        run_options.config_help,
+    ),
+    "compare": Command(
+        run_options.add_compare,
+        "train and evaluate all methods",
+        "Train each method on each training dataset, evaluate all methods on all test datasets, "
+        "and print the paper's Tables I and II. What has finished is skipped, what was stopped "
+        "goes on.",
+        MixedParser,
+        lambda: (
+            "Lists are separated by commas, without spaces. KEY=VALUE are further Hydra overrides, "
+            "such as hydra/launcher=joblib or test_data.kitti.root=FOLDER."
+        ),
+    ),
+    "score": Command(
+        run_options.add_score,
+        "score exported descriptors again",
+        "Look exported descriptors up again and print the rates. Neither the scans nor the "
+        "weights are needed.",
+    ),
+    "tables": Command(
+        run_options.add_tables,
+        "print the tables of finished runs",
+        "Print the tables of finished runs, beside the paper's values, and write them as "
+        "Markdown, LaTeX, CSV and a figure. Runs that differ in nothing but the seed are one row. "
+        "Runs of several methods, or tested in several places, are compared (Tables I and II); "
+        "any others are an ablation (Tables III and IV).",
+    ),
+    "case-study": Command(
+        dataset_options.add_case_study,
+        "show why sinograms: SG against PG",
+        "Move scans by known rotations and translations, and compare how much the DFT magnitudes "
+        "of sinograms (SG) and of polar grams (PG) change.",
+    ),
+    "map": Command(
+        place_options.add_map,
+        "build a map, show one, or set when to trust it",
+        "Build a map of a drive, show what a map holds, or set when to trust it.",
+    ),
+    "localize": Command(
+        place_options.add_localize,
+        "tell where scans were taken",
+        "Tell where scans were taken in a map: position and heading in the world of its poses, and "
+        "whether to trust them. Exits with 1 where a scan cannot be located.",
+    ),
+    "loops": Command(
+        place_options.add_loops,
+        "find the loop closures of a drive",
+        "Look each keyframe of a drive up among the earlier ones, and write the closures that are "
+        "trusted: OUT.g2o, a graph; OUT.tum, the keyframes' poses; and OUT.json.",
+    ),
+    "report": Command(
+        run_options.add_report,
+        "write a run as one HTML page",
+        "Write a run as one page: results, maps of hits and misses, curves, and the worst failures "
+        "with their scans. The page needs no network and no server.",
+    ),
+    "export": Command(
+        place_options.add_export,
+        "write a trained network as one file",
+        "Write a trained DeepRING as .onnx: occupancy from above (batch, n, n) float32 in, "
+        "descriptors (batch, θ, ω) out; or any trained network as .safetensors, which all commands "
+        "take as a checkpoint. The file's metadata says how it was made.",
+    ),
+    "simulate": Command(
+        dataset_options.add_simulate,
+        "write a simulated dataset",
+        "Write two sessions over one simulated world in the native layout of a dataset. An "
+        "interrupted run goes on when started again; a finished one is left alone.",
+        MixedParser,
+        dataset_options.knobs_help,
+    ),
+    "data": Command(
+        dataset_options.add_data,
+        "check a dataset before using it",
+        "Look at a dataset before using it.",
+    ),
+}
+
+
+def command_line(chosen: str | None = None) -> Parser:
+    """The parser of ``deepring``, with the options of all commands.
+
+    The end of a help text that takes a look at files or packages is made for ``chosen`` alone.
+    """
+    parser = Parser(
+        "deepring",
+        description="LiDAR place recognition with DeepRING and the methods beside it.",
+        epilog="deepring COMMAND --help shows the options of a command.",
+    )
+    parser.add_argument("--version", action="version", version=f"deepring {__version__}")
+    add = subcommands(parser)
+    for name, command in COMMANDS.items():
+        leaf = add(name, help=command.summary, description=command.description, kind=command.parser)
+        command.add_options(leaf)
+        if name == chosen and command.epilog is not None:
+            leaf.epilog = command.epilog()
+    return parser

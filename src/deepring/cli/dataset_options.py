@@ -1,0 +1,75 @@
+"""Options of the commands about datasets: simulate, data and case-study."""
+
+from pathlib import Path
+
+from deepring.cli.options import add_format, add_output
+from deepring.cli.parser import Parser, number, subcommands, whole
+
+
+def add_simulate(parser: Parser) -> None:
+    """``deepring simulate nclt|mulran -o FOLDER [KNOB=VALUE ...]``."""
+    parser.add_argument("dataset", choices=("nclt", "mulran"))
+    add_output(parser, "FOLDER", "the dataset's folder")
+    parser.add_argument("--seed", type=whole(0), default=0, help="of the world (%(default)s)")
+    parser.add_argument("--workers", type=whole(1), default=2, help="processes (%(default)s)")
+    parser.add_argument("knobs", nargs="*", metavar="KNOB=VALUE")
+    parser.runs("deepring.cli.simulate_command:simulate_command")
+
+
+def knobs_help() -> str:
+    """The names of the simulation's settings, for the end of the help text."""
+    from dataclasses import fields
+
+    from deepring.simulation.settings import SimulationSettings
+
+    return "knobs: " + ", ".join(field.name for field in fields(SimulationSettings))
+
+
+def add_data(parser: Parser) -> None:
+    """``deepring data check ROOT``."""
+    checker = subcommands(parser)(
+        "check",
+        help="read every scan of a dataset and report",
+        description="Read every scan of a dataset, and report what each session holds. Exits "
+        "with 1 where a session or a scan cannot be used.",
+    )
+    checker.add_argument("root", type=Path, metavar="FOLDER")
+    add_format(checker)
+    checker.add_argument("--session", help="one session only")
+    checker.runs("deepring.cli.data_command:data_command")
+
+
+def add_case_study(parser: Parser) -> None:
+    """``deepring case-study DATASET | --format NAME FILE...``."""
+    parser.add_argument(
+        "paths",
+        nargs="+",
+        type=Path,
+        metavar="DATASET | FILE",
+        help="a dataset's folder or drive.yaml, or scan files of different places (with --format)",
+    )
+    parser.add_argument("--session", help="of the dataset (the first)")
+    add_format(parser)
+    parser.add_argument(
+        "--pairs", type=whole(1), default=64, help="of the error curves (%(default)s)"
+    )
+    parser.add_argument("--seed", type=whole(0), default=0, help="(%(default)s)")
+    parser.add_argument(
+        "--translation",
+        type=number(0, "metres"),
+        default=10.0,
+        metavar="M",
+        help="of the drawn pair (%(default)g)",
+    )
+    parser.add_argument(
+        "--rotation", type=number(unit="degrees"), metavar="DEG", help="of the drawn pair (random)"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("outputs/case_study"),
+        metavar="FOLDER",
+        help="where to write (%(default)s)",
+    )
+    parser.runs("deepring.cli.case_study_command:case_study_command")

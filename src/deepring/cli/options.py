@@ -1,0 +1,84 @@
+"""What several commands share: which drive, which network, a file that is not there yet."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from deepring.cli.parser import Names, Parser, number
+from deepring.errors import DataError, FileError
+
+if TYPE_CHECKING:
+    from deepring.data.session import Session
+    from deepring.methods.deepring import DeepRing
+
+FORMATS = "deepring.data.readers.formats:FORMATS"
+
+
+def add_format(
+    parser: Parser, what: str = "of the dataset, told from the folder by default"
+) -> None:
+    """``--format``, one of the dataset formats."""
+    parser.add_argument(
+        "--format", choices=Names(FORMATS), metavar="NAME", help=f"{what}: %(choices)s"
+    )
+
+
+def add_drive(parser: Parser) -> None:
+    """The options that say which drive."""
+    parser.add_argument("root", type=Path, metavar="FOLDER", help="of the dataset, or a drive.yaml")
+    add_format(parser)
+    parser.add_argument("--session", help="which session, where the folder holds several")
+    add_ground(parser, "the drive's")
+
+
+def add_ground(parser: Parser, default: str) -> None:
+    """``--ground-z``, whose default is ``default``'s value."""
+    parser.add_argument(
+        "--ground-z",
+        type=number(unit="metres"),
+        metavar="M",
+        help=f"z of the ground under the sensor in the scans' frame, metres ({default} by default)",
+    )
+
+
+def add_network(parser: Parser) -> None:
+    """The option that says which network describes the scans."""
+    parser.add_argument(
+        "--checkpoint",
+        default="shipped",
+        metavar="FILE",
+        help="a trained DeepRING, .ckpt or .safetensors (the one that comes with the package)",
+    )
+
+
+def add_output(parser: Parser, metavar: str, help: str, required: bool = True) -> None:
+    """``-o``, the file or folder to write."""
+    parser.add_argument("-o", "--output", type=Path, metavar=metavar, required=required, help=help)
+
+
+def open_drive(args: argparse.Namespace) -> "tuple[Session, float]":
+    """The drive that `add_drive`'s options name, and z of the ground in its scans' frame."""
+    from deepring.data.readers.formats import detect_format, ground_of, open_session
+
+    format = args.format or detect_format(args.root)
+    session = open_session(format, args.root, args.session)
+    return session, ground_of(session, format) if args.ground_z is None else args.ground_z
+
+
+def network_of(checkpoint: str) -> "DeepRing":
+    """The network of a checkpoint. Raises DataError where it is another method's."""
+    from deepring.methods.checkpoint import load_network
+    from deepring.methods.deepring import DeepRing
+
+    network = load_network(checkpoint).method
+    if not isinstance(network, DeepRing):
+        raise DataError(f"checkpoint {checkpoint}: of {network.settings.label}, expected DeepRING")
+    return network
+
+
+def expect_new(path: Path) -> None:
+    """Refuse to overwrite. Raises FileError where the path exists."""
+    if path.exists():
+        raise FileError(
+            f"output: {path} exists, expected a new file; nothing is overwritten: name another"
+        )

@@ -1,8 +1,0 @@
-"""`deepring train` as a script file, which Lightning starts anew for each process of a DDP run."""
-
-import sys
-
-from deepring.cli.main import main
-
-if __name__ == "__main__":
-    main(["train", *sys.argv[1:]])

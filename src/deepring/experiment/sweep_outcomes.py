@@ -1,0 +1,141 @@
+"""How each job of a sweep ended; jobs whose process was killed are launched again."""
+
+import json
+import logging
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from hydra.core.hydra_config import HydraConfig
+from hydra.experimental.callback import Callback
+from omegaconf import DictConfig
+
+from deepring.errors import DeepringError, StoppedError
+from deepring.experiment.status import reason
+from deepring.io.files import replacing
+
+log = logging.getLogger(__name__)
+
+#: The environment variable that tells each job, in whichever process, where to note its outcome.
+OUTCOMES = "DEEPRING_SWEEP_OUTCOMES"
+
+#: The outcome of a job until it ends.
+KILLED = "its process was killed, perhaps for want of memory"
+
+#: How often one sweep begins a job whose process is killed.
+ATTEMPTS = 3
+
+
+class OutcomesFolder(Callback):
+    """A Hydra callback that makes the folder for the outcomes of this sweep's jobs."""
+
+    def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
+        """Runs in the process that starts the jobs; they inherit its environment.
+
+        Hydra turns an error here into a warning; the first job meets and reports it then.
+        """
+        if OUTCOMES not in os.environ:  # else it is started again, after a process was killed
+            sweep = Path(config.hydra.sweep.dir).resolve()
+            sweep.mkdir(parents=True, exist_ok=True)
+            os.environ[OUTCOMES] = tempfile.mkdtemp(prefix=".outcomes-", dir=sweep)
+
+
+class SweepOutcomes(NamedTuple):
+    """How the jobs of a sweep ended."""
+
+    finished: list[Path]
+    """Folders of the jobs that finished."""
+    failed: list[tuple[Path, str]]
+    """Folders of the others, and why they did not finish."""
+    interrupted: bool = False
+    """Whether Ctrl-C ended the sweep."""
+
+
+def run_sweep(launch: Callable[[], None]) -> SweepOutcomes:
+    """Launch the jobs, and tell how they ended.
+
+    A killed process takes its whole pool of processes with it, so the jobs are launched again:
+    finished ones are skipped, the others go on, and none is begun more than `ATTEMPTS` times.
+    """
+    os.environ.pop(OUTCOMES, None)
+    try:
+        _launch_again(launch)
+        return _outcomes()
+    except KeyboardInterrupt:
+        return _outcomes()._replace(interrupted=True)
+    finally:
+        shutil.rmtree(os.environ.pop(OUTCOMES, ""), ignore_errors=True)
+
+
+def _launch_again(launch: Callable[[], None]) -> None:
+    """Launch until no process is killed, or every killed job has had its attempts."""
+    while True:
+        try:
+            return launch()
+        except BrokenProcessPool:
+            begun = [note for note in _notes() if note["error"] == KILLED]
+            if all(note["attempts"] >= ATTEMPTS for note in begun):
+                return None
+            log.warning("a job's process was killed; launching what is left again")
+
+
+def _outcomes() -> SweepOutcomes:
+    ended = [(Path(note["folder"]), note["error"]) for note in _notes()]
+    return SweepOutcomes(
+        [folder for folder, error in ended if error is None],
+        [(folder, error) for folder, error in ended if error is not None],
+    )
+
+
+@contextmanager
+def outcome_noted(is_mistake: Callable[[Exception], bool]) -> Iterator[None]:
+    """Note how the block, one job of the sweep, ended; an error is logged and goes no further.
+
+    Args:
+        is_mistake: whether an error is the user's; any other is logged with its traceback.
+
+    Raises:
+        KeyboardInterrupt: the user stopped the job; this ends the sweep.
+    """
+    hydra = HydraConfig.get()
+    folder = Path(hydra.runtime.output_dir)
+    path = Path(os.environ.get(OUTCOMES, folder.parent)) / f"{hydra.job.num:04d}.json"
+    attempts = json.loads(path.read_text())["attempts"] if path.is_file() else 0
+    note = {"folder": str(folder), "error": KILLED, "attempts": attempts + 1}
+    try:
+        if attempts >= ATTEMPTS:
+            raise DeepringError(f"{KILLED}, {ATTEMPTS} times; try fewer hydra.launcher.n_jobs")
+        _write(path, note)
+        yield
+    except StoppedError as error:
+        note["error"] = "interrupted"
+        raise KeyboardInterrupt from error  # ends the sweep, where an error would not
+    except Exception as error:
+        note["error"] = reason(error)
+        log.error("failed: %s", error, exc_info=not is_mistake(error))
+    else:
+        note["error"] = None
+    finally:
+        _write(path, note)
+
+
+def _write(path: Path, note: dict[str, Any]) -> None:
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(note))
+
+
+def _notes() -> list[dict[str, Any]]:
+    """What the jobs of this sweep noted, in their order."""
+    folder = os.environ.get(OUTCOMES)
+    paths = [] if folder is None else sorted(Path(folder).glob("*.json"))
+    return [json.loads(path.read_text()) for path in paths]
+
+
+def in_parallel() -> bool:
+    """Whether the launcher runs several jobs at once, so that bars would overwrite each other."""
+    return not str(HydraConfig.get().launcher["_target_"]).endswith(".BasicLauncher")

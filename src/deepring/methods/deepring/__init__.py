@@ -1,0 +1,157 @@
+"""DeepRING: sinogram, circular UNet, row-wise DFT magnitude, circular cross-correlation.
+
+The paper's equations, and where they are (`tests/test_paper_equations.py` has a test for each):
+
+    1  sinogram: integrals over lines x cos θ + y sin θ = τ    core.radon.radon
+    2  a turn of the scan shifts the sinogram along θ          core.radon; core.equivariance
+    3  a translation shifts each row by its projection         core.radon; core.equivariance
+    4  a translation moves polar cells nonlinearly             rasters.polar.polar_gram
+    5  convolution that wraps around both axes                 nn.circular.CircularConv2d
+    6  features shift along τ with the sinogram                nn.unet.CircularUNet
+    7  the magnitude of a row's DFT forgets the shift          core.spectrum.row_dft_magnitude
+    8  similarity: largest circular cross-correlation over θ   core.correlation
+    9  softmax(W C + b) over the ways of an episode            training.episodes.OneShotClassifier
+    -  cross-entropy over the ways, not numbered in the paper  training.episodes.OneShotCrossEntropy
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from torch import Tensor, nn
+
+from deepring.checks import one_of
+from deepring.core.correlation import (
+    circular_cross_correlation,
+    shift_to_turn,
+    standardise,
+    unit_norm,
+)
+from deepring.core.radon import ThetaRange
+from deepring.core.similarity import cosine, negative_distance
+from deepring.errors import ConfigError
+from deepring.methods.base import Comparison
+from deepring.methods.network import NetworkMethod, PlainSettings
+from deepring.nn.aggregation import AGGREGATIONS, ROTATION_INVARIANT, channels_for
+from deepring.nn.circular import TauPadding
+from deepring.nn.representation import make_representation
+from deepring.nn.unet import CircularUNet
+from deepring.rasters import BevRaster, raster_settings
+from deepring.search.correlation_index import CorrelationIndex, SearchSettings
+from deepring.search.hits import Index
+from deepring.search.vector_index import VectorIndex
+
+NORMALISATIONS: dict[str, Callable[[Tensor], Tensor]] = {
+    "unit": unit_norm,
+    "standard": lambda d: standardise(d) / (d.shape[-2] * d.shape[-1]) ** 0.5,
+    "none": lambda d: d,
+}
+"""Of a descriptor before it is correlated: unit norm; zero mean and unit norm; as it is.
+
+Both are taken over the weighted half spectrum. For the norm that is the full one's; the mean of
+'standard' is a choice of its own."""
+
+SIMILARITIES = ("correlation", "l2", "cosine")
+"""Of two descriptors: correlation at the best rotation, or a distance that knows of none."""
+
+_PERIOD = {"full": 2 * math.pi, "half": math.pi}
+
+
+@dataclass(frozen=True)
+class DeepRingSettings(PlainSettings):
+    """Everything that makes a descriptor but the weights. Plain values, kept in checkpoints."""
+
+    label: ClassVar[str] = "DeepRING"
+
+    raster: dict[str, Any] = field(default_factory=lambda: raster_settings(BevRaster()))
+    angles: int | None = 120  # of the sinogram; None for the other rasters
+    bins: int | None = 120
+    theta_range: ThetaRange = "full"
+    pool: int = 1
+    widths: Sequence[int] = (64, 128, 256, 512)
+    convolutions: int = 2
+    norm: str = "batch"
+    tau_padding: TauPadding = "circular"
+    stem: int = 1
+    aggregation: str = "dft"
+    normalisation: str = "unit"
+    similarity: str = "correlation"
+
+
+class DeepRing(NetworkMethod):
+    """The network of the paper's Fig. 1. Rasters in, roto-translation invariant descriptors out.
+
+    Shapes: rasters (b, n, n) -> representation (b, 1, θ, τ) -> feature E_f (b, c, θ, τ)
+    -> aggregated, M_f (b, θ, ω) -> normalised. An encoder with a stem divides θ and τ by it.
+    """
+
+    settings_class = DeepRingSettings
+    settings: DeepRingSettings
+
+    def __init__(self, settings: DeepRingSettings | None = None) -> None:
+        settings = DeepRingSettings() if settings is None else settings
+        super().__init__(settings)
+        one_of("similarity.normalisation", settings.normalisation, NORMALISATIONS)
+        one_of("aggregation.kind", settings.aggregation, AGGREGATIONS)
+        one_of("similarity.kind", settings.similarity, SIMILARITIES)
+        if settings.similarity == "correlation" and settings.aggregation in ROTATION_INVARIANT:
+            raise ConfigError(
+                f"similarity.kind: 'correlation' with aggregation.kind: {settings.aggregation!r}, "
+                "whose rows are no directions to search over; take similarity=l2 or cosine"
+            )
+        self.representation = make_representation(
+            self._raster, settings.angles, settings.bins, settings.pool, settings.theta_range
+        )
+        columns = self.representation.columns // settings.stem
+        self.encoder = CircularUNet(
+            settings.widths,
+            out_channels=channels_for(settings.aggregation, columns),
+            convolutions=settings.convolutions,
+            norm=settings.norm,
+            tau_padding=settings.tau_padding,
+            theta_range=settings.theta_range,
+            stem=settings.stem,
+        )
+        self.aggregate = AGGREGATIONS[settings.aggregation]
+        self.normalise = NORMALISATIONS[settings.normalisation]
+
+    def forward(self, rasters: Tensor) -> Tensor:
+        """Descriptors M_f (b, θ, ω) of rasters (b, *raster.shape)."""
+        image = self.representation(rasters)
+        feature = self.encoder(image)
+        return self.normalise(self.aggregate(feature))
+
+    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+        """Correlation at the best rotation (Eq. 8), and that rotation; L2 and cosine find none.
+
+        Over half a turn the rotation is known up to 180°.
+        """
+        match self.settings.similarity:
+            case "l2":
+                return Comparison(negative_distance(queries, database), None)
+            case "cosine":
+                return Comparison(cosine(queries, database), None)
+        match = circular_cross_correlation(queries, database)
+        turn = shift_to_turn(match.shift, queries.shape[-2], self.turn_period)
+        return Comparison(match.score, turn)
+
+    @property
+    def turn_period(self) -> float:
+        """Radians that turns are known modulo: the range of θ."""
+        return _PERIOD[self.settings.theta_range]
+
+    def index(self, settings: SearchSettings | None = None) -> Index:
+        """Search by correlation, or exhaustively by a distance; see `index_of`."""
+        match self.settings.similarity:
+            case "l2":
+                return VectorIndex("l2")
+            case "cosine":
+                return VectorIndex("cosine")
+        return CorrelationIndex(settings, period=self.turn_period)
+
+    def onnx_form(self) -> nn.Module:
+        """The network in real arithmetic, see `deepring.methods.deepring.real_form`."""
+        from deepring.methods.deepring.real_form import RealDeepRing
+
+        return RealDeepRing(self)

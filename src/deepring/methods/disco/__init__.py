@@ -1,0 +1,108 @@
+"""DiSCO (Xu et al., RA-L 2021; MaverickPeter/DiSCO-pytorch)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import torch
+from torch import Tensor
+
+from deepring.checks import count
+from deepring.core.correlation import shift_to_turn
+from deepring.core.phase import central_magnitude, phase_correlation
+from deepring.core.similarity import negative_distance
+from deepring.errors import ConfigError
+from deepring.methods.base import Comparison
+from deepring.methods.disco.disco_unet import DiscoUNet, PolarPadding
+from deepring.methods.network import NetworkMethod, PlainSettings
+from deepring.rasters import HeightRaster, raster_settings
+from deepring.search.correlation_index import SearchSettings
+from deepring.search.hits import Index
+from deepring.search.vector_index import VectorIndex
+
+
+@dataclass(frozen=True)
+class DiscoSettings(PlainSettings):
+    """Everything that makes a descriptor but the weights. Plain values, kept in checkpoints.
+
+    ``size`` is the side of the square cut out of the spectrum. ``aligned`` is the number of the
+    most alike entries whose turn is sought for each query; None seeks all.
+    """
+
+    label: ClassVar[str] = "DiSCO"
+
+    raster: dict[str, Any] = field(default_factory=lambda: raster_settings(HeightRaster()))
+    widths: Sequence[int] = (64, 128, 256, 512)
+    padding: PolarPadding = "zero"
+    size: int = 32
+    aligned: int | None = 1
+
+
+class Disco(NetworkMethod):
+    """Polar occupancy (b, heights, θ, r) -> UNet -> feature map (b, θ, r), the descriptor.
+
+    Places are compared by the `signature` of the map, size² numbers (1024). The map itself is
+    kept, since its phase holds the turn. A turn of the scan rolls θ; the signature is invariant to
+    rolls that the network commutes with: with circular padding exactly to those by the network's
+    stride, with the published zero padding only as far as training brings it.
+    """
+
+    settings_class = DiscoSettings
+    settings: DiscoSettings
+
+    def __init__(self, settings: DiscoSettings | None = None) -> None:
+        settings = DiscoSettings() if settings is None else settings
+        super().__init__(settings, HeightRaster)
+        heights, sectors, rings = self.raster.shape
+        if not 1 <= settings.size <= min(sectors, rings):
+            raise ConfigError(
+                f"disco.size: {settings.size}, expected 1 to {min(sectors, rings)}, the smaller "
+                f"side of the raster's {sectors} x {rings}"
+            )
+        if settings.aligned is not None:
+            count("disco.aligned", settings.aligned)
+        self.encoder = DiscoUNet(heights, settings.widths, settings.padding)
+
+    def forward(self, rasters: Tensor) -> Tensor:
+        """Feature maps (b, θ, r) of polar occupancy (b, heights, θ, r), 0 or 1 of any type."""
+        return self.encoder(rasters.float())
+
+    def signature(self, descriptors: Tensor) -> Tensor:
+        """The rotation invariant part of the descriptors, (b, size²): what L2 compares."""
+        return central_magnitude(descriptors, self.settings.size)
+
+    def vectors(self, descriptors: Tensor) -> Tensor:
+        """The signatures."""
+        return self.signature(descriptors)
+
+    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+        """Negative Euclidean distance of signatures, and the turn by phase correlation.
+
+        The turn is NaN for entries that are not among the ``aligned`` most alike ones: like the
+        original, which aligns what it has retrieved.
+        """
+        score = negative_distance(self.signature(queries), self.signature(database))
+        turn = torch.full_like(score, torch.nan)
+        for k, query in enumerate(queries):  # the maps of one query's entries at a time
+            nearest = _nearest(score[k], self.settings.aligned)
+            turn[k, nearest] = self.align(query, database[nearest])
+        return Comparison(score, turn)
+
+    def align(self, query: Tensor, entries: Tensor) -> Tensor:
+        """Turn (d,) from each entry (d, θ, r) to one query (θ, r), by phase correlation."""
+        return shift_to_turn(phase_correlation(query, entries).shift, query.shape[-2])
+
+    def index(self, settings: SearchSettings | None = None) -> Index:  # noqa: ARG002
+        """Exhaustive search of signatures, see `index_of`; takes no settings.
+
+        All hits are aligned, whatever ``aligned`` says.
+        """
+        return VectorIndex("l2", self.vectors, self.align)
+
+
+def _nearest(score: Tensor, number: int | None) -> Tensor:
+    """Indices of the ``number`` largest of (d,), all where it is None or more than d."""
+    if number is None or number >= len(score):
+        return torch.arange(len(score), device=score.device)
+    # argmax takes the first of equal scores, as retrieval does; topk promises nothing.
+    return score.argmax().unsqueeze(0) if number == 1 else score.topk(number).indices

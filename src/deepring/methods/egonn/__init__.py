@@ -1,0 +1,66 @@
+"""EgoNN (Komorowski et al., RA-L 2021; jac99/Egonn), its branch for place recognition."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from torch import Tensor
+
+from deepring.core.similarity import negative_distance
+from deepring.methods.base import Comparison
+from deepring.methods.egonn.egonn_network import WIDTHS, EgoNN
+from deepring.methods.network import NetworkMethod, PlainSettings
+from deepring.rasters import VoxelRaster, raster_settings
+from deepring.search.correlation_index import SearchSettings
+from deepring.search.hits import Index
+from deepring.search.vector_index import VectorIndex
+
+
+@dataclass(frozen=True)
+class EgoNnSettings(PlainSettings):
+    """Everything that makes a descriptor but the weights. Plain values, kept in checkpoints."""
+
+    label: ClassVar[str] = "EgoNN"
+
+    raster: dict[str, Any] = field(default_factory=lambda: raster_settings(VoxelRaster()))
+    widths: Sequence[int] = WIDTHS
+    global_levels: Sequence[int] = (5, 6, 7)
+    close_theta: bool = False
+
+
+class EgoNnGlobal(NetworkMethod):
+    """Cylindrical voxels (b, max_voxels, 3), padded -> sparse network -> descriptors (b, 256).
+
+    The sparse convolutions are deepring's own, in plain torch; the original's are
+    MinkowskiEngine's. The descriptor is not normalised, as in the original.
+    """
+
+    settings_class = EgoNnSettings
+    settings: EgoNnSettings
+
+    def __init__(self, settings: EgoNnSettings | None = None) -> None:
+        settings = EgoNnSettings() if settings is None else settings
+        super().__init__(settings, VoxelRaster)
+        raster = self.raster
+        assert isinstance(raster, VoxelRaster)
+        self.network = EgoNN(
+            steps=(raster.degrees, raster.ring, raster.height),
+            widths=settings.widths,
+            global_levels=settings.global_levels,
+            close_theta=settings.close_theta,
+        )
+
+    def forward(self, rasters: Tensor) -> Tensor:
+        """Descriptors (b, 256) float32 of voxel indices (b, max_voxels, 3), integers.
+
+        Raises DeepringError where a scan has no voxel.
+        """
+        return self.network(rasters)
+
+    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+        """Negative Euclidean distance, at most 0; the turn is not known."""
+        return Comparison(negative_distance(queries, database), None)
+
+    def index(self, settings: SearchSettings | None = None) -> Index:  # noqa: ARG002
+        """Exhaustive search by distance, see `index_of`; takes no settings."""
+        return VectorIndex("l2")

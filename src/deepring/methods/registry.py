@@ -1,0 +1,99 @@
+"""The names of methods: what checkpoints, maps and exported descriptors call a method by.
+
+A file names its method and never causes an import: the name has to be registered, here or by
+`register_method`, or the caller gives the class.
+"""
+
+import importlib
+
+from deepring.errors import ConfigError
+
+_METHODS: dict[str, str | type] = {
+    "deepring": "deepring.methods.deepring.DeepRing",
+    "ring": "deepring.methods.ring.Ring",
+    "ring_plus_plus": "deepring.methods.ring_plus_plus.RingPlusPlus",
+    "scan_context": "deepring.methods.scan_context.ScanContext",
+    "disco": "deepring.methods.disco.Disco",
+    "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
+    "egonn": "deepring.methods.egonn.EgoNnGlobal",
+}
+"""Classes, or their dotted paths, which are imported when they are asked for."""
+
+
+def registered_methods() -> tuple[str, ...]:
+    """The names of all registered methods."""
+    return tuple(_METHODS)
+
+
+def register_method(name: str, cls: type) -> None:
+    """Let files call the class ``name``, such as 'mine'.
+
+    Raises ConfigError for a name that is no Python identifier, or that another class has.
+    """
+    if not name.isidentifier():
+        raise ConfigError(f"name: {name!r}, expected letters, digits and underscores, as 'mine'")
+    if class_path(cls) != _path_of(_METHODS.get(name, cls)):
+        raise ConfigError(
+            f"name: {name!r} is registered for {_path_of(_METHODS[name])}, expected a free name "
+            f"for {class_path(cls)}; choose another"
+        )
+    _METHODS[name] = cls
+
+
+def method_name(cls: type) -> str:
+    """What files call the class: its registered name, or else its dotted path."""
+    path = class_path(cls)
+    return next((name for name, known in _METHODS.items() if _path_of(known) == path), path)
+
+
+def method_class(name: str, own: str | type | None = None) -> type:
+    """The class of a name that a file holds.
+
+    Args:
+        name: as `method_name` gives it.
+        own: the user's class, or its dotted path, for a name that is not registered. It comes
+            from the user, never from a file.
+
+    Raises:
+        ConfigError: a name that is not registered and is not that of ``own``.
+    """
+    known = _METHODS.get(name)
+    if known is not None:
+        return class_at(known) if isinstance(known, str) else known
+    cls = class_at(own) if isinstance(own, str) else own
+    if cls is not None and method_name(cls) == name:
+        return cls
+    given = "" if cls is None else f", and the class given is {class_path(cls)}"
+    raise ConfigError(
+        f"method: {name!r} is not registered{given}; expected one of {', '.join(_METHODS)}, or "
+        "the class of that name: register_method(name, cls) in Python, method._target_ in a "
+        "config, or --method module.Class"
+    )
+
+
+def class_at(path: str) -> type:
+    """The class at a dotted path that the user gave, in a config or as an option.
+
+    Raises ConfigError where there is none.
+    """
+    module, _, name = path.rpartition(".")
+    try:
+        cls = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError, ValueError):
+        cls = None
+    if not isinstance(cls, type):
+        raise ConfigError(
+            f"method: {path!r} cannot be imported, expected the dotted path of a method's class, "
+            "such as deepring.methods.deepring.DeepRing; a module of your own has to be on the "
+            "Python path"
+        )
+    return cls
+
+
+def class_path(cls: type) -> str:
+    """'module.Class', as a config's ``_target_`` names it."""
+    return f"{cls.__module__}.{cls.__qualname__}"
+
+
+def _path_of(known: str | type) -> str:
+    return known if isinstance(known, str) else class_path(known)

@@ -1,0 +1,54 @@
+"""A mistake in the words of the command line: flags for arguments, plain words for errno."""
+
+import errno
+
+import pytest
+
+from deepring.cli.mistakes import in_flags, is_mistake, mistakes_reported
+from deepring.errors import ConfigError
+
+FLAGS = {"format": "--format", "ground_z": "--ground-z", "output": "-o"}
+
+
+@pytest.mark.parametrize(
+    ("message", "shown"),
+    [
+        ("format: 'x', expected one of a, b", "--format: 'x', expected one of a, b"),
+        ("format = 'x'; expected a", "--format = 'x'; expected a"),
+        ("data.format: 'x', expected a", "--format: 'x', expected a"),
+        ("a.bin: give its `format`, a or b", "a.bin: give its --format, a or b"),
+        ("`output` and `ground_z`", "-o and --ground-z"),
+        ("a.bin: of another format: b", "a.bin: of another format: b"),
+        ("spacing: 1, expected a format: b", "spacing: 1, expected a format: b"),
+        ("`spacing`: 1", "`spacing`: 1"),
+    ],
+)
+def test_arguments_become_flags_and_nothing_else_does(message, shown):
+    assert in_flags(message, FLAGS) == shown
+
+
+def said(error, capsys):
+    with pytest.raises(SystemExit) as ended, mistakes_reported(FLAGS):
+        raise error
+    assert ended.value.code == 2
+    captured = capsys.readouterr()
+    assert not captured.out
+    return captured.err
+
+
+def test_our_errors_are_one_line(capsys):
+    assert said(ConfigError("format: 'x'"), capsys) == "error: --format: 'x'\n"
+
+
+def test_the_system_s_errors_are_said_in_our_words(capsys):
+    error = FileNotFoundError(errno.ENOENT, "No such file or directory", "a.map")
+    assert said(error, capsys) == "error: a.map: no such file or folder\n"
+    error = OSError(errno.ENOSPC, "No space left on device")
+    assert said(error, capsys) == "error: no space is left on the disk\n"
+
+
+def test_a_bug_keeps_its_traceback():
+    for error in (ValueError("a bug"), KeyError("a bug"), TypeError("a bug")):
+        assert not is_mistake(error)
+        with pytest.raises(type(error)), mistakes_reported(FLAGS):
+            raise error

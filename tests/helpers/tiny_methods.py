@@ -1,0 +1,68 @@
+"""Every registered method at a size that describes a scan in milliseconds, untrained."""
+
+import torch
+
+from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.disco import Disco, DiscoSettings
+from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
+from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
+from deepring.methods.ring import Ring
+from deepring.methods.ring_plus_plus import RingPlusPlus
+from deepring.methods.scan_context import ScanContext
+from deepring.rasters import (
+    BevRaster,
+    ContextRaster,
+    FeatureBevRaster,
+    HeightRaster,
+    PointsRaster,
+    VoxelRaster,
+    raster_settings,
+)
+from deepring.testing import walls
+
+BEV = BevRaster(cells=24)
+CONTEXT = ContextRaster(sectors=24, rings=8)
+HEIGHTS = HeightRaster(layers=2, sectors=24, rings=16)
+POINTS = PointsRaster(count=64)
+VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
+
+
+def deepring(seed=0, **changes):
+    torch.manual_seed(seed)
+    values = {"raster": raster_settings(BEV), "angles": 24, "bins": 24, "widths": (4, 6)}
+    network = DeepRing(DeepRingSettings(**{**values, **changes}))
+    # With the norms' first statistics, descriptors of all scans are equal up to rounding.
+    images = torch.stack([torch.from_numpy(BEV(walls(k), 0.0)) for k in range(8)])
+    for _ in range(20):
+        network(images)
+    return network.eval()
+
+
+def disco(**changes):
+    torch.manual_seed(0)
+    values = {"raster": raster_settings(HEIGHTS), "widths": (4, 6), "size": 8}
+    return Disco(DiscoSettings(**{**values, **changes}))
+
+
+def pointnetvlad():
+    torch.manual_seed(0)
+    settings = PointNetVladSettings(
+        raster_settings(POINTS), (8,), (8, 16), (8,), (8,), clusters=2, dimension=16
+    )
+    return PointNetVlad(settings)
+
+
+def egonn():
+    torch.manual_seed(0)
+    return EgoNnGlobal(EgoNnSettings(raster_settings(VOXELS), widths=(4, 4), global_levels=(2,)))
+
+
+TINY = {
+    "deepring": deepring,
+    "ring": lambda: Ring(BEV, angles=24, bins=24),
+    "ring_plus_plus": lambda: RingPlusPlus(FeatureBevRaster(cells=24), angles=24, bins=24),
+    "scan_context": lambda: ScanContext(CONTEXT),
+    "disco": disco,
+    "pointnetvlad": pointnetvlad,
+    "egonn": egonn,
+}
