@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from jaxtyping import Float, Shaped
 from torch import Tensor, nn
 
 from deepring.checks import one_of
@@ -116,13 +117,17 @@ class DeepRing(NetworkMethod):
         self.aggregate = AGGREGATIONS[settings.aggregation]
         self.normalise = NORMALISATIONS[settings.normalisation]
 
-    def forward(self, rasters: Tensor) -> Tensor:
+    def forward(
+        self, rasters: Shaped[Tensor, " batch *raster"]
+    ) -> Float[Tensor, "batch theta value"]:
         """Descriptors M_f (b, θ, ω) of rasters (b, *raster.shape)."""
         image = self.representation(rasters)
         feature = self.encoder(image)
         return self.normalise(self.aggregate(feature))
 
-    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+    def compare(
+        self, queries: Float[Tensor, "q theta value"], database: Float[Tensor, "d theta value"]
+    ) -> Comparison:
         """Correlation at the best rotation (Eq. 8), and that rotation; L2 and cosine find none.
 
         Over half a turn the rotation is known up to 180°.
