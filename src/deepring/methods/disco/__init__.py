@@ -71,8 +71,8 @@ class Disco(NetworkMethod):
         return self.encoder(rasters.float())
 
     def signature(
-        self, descriptors: Float[Tensor, "batch theta r"]
-    ) -> Float[Tensor, "batch value"]:
+        self, descriptors: Float[Tensor, "*batch theta r"]
+    ) -> Float[Tensor, "*batch value"]:
         """The rotation invariant part of the descriptors, (b, size²): what L2 compares."""
         return central_magnitude(descriptors, self.settings.size)
 
