@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from deepring.data.cache import Rasters, ScanSet, pack
 from deepring.data.dataset import RetrievalSet
+from deepring.data.packed_rasters import Rasters, pack
+from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.errors import DeepringError
 from deepring.evaluation import protocol
@@ -266,7 +267,7 @@ def test_an_export_holds_what_was_described_and_what_made_it(tmp_path):
         assert np.array_equal(found.indices, expected.indices)
         assert (found.side, found.session, found.ground_z) == (which, "s", 0.0)
         assert found.case == tested.case("toy", "city")
-        assert found.made_by["class"] == "test_protocol.Toy"
+        assert found.made_by["method"] == "test_protocol.Toy"
         assert found.made_by["raster"]["cells"] == 8
         assert found.made_by["values"] == {"described": [], "turn": True}
         assert found.seconds_per_scan == outcome.results[0].seconds_per_scan

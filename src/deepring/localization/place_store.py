@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring.core.rigid import yaw_of
-from deepring.data.cache import pack, unpack
+from deepring.data.packed_rasters import pack, unpack
 from deepring.errors import DataError
 from deepring.rasters import BevRaster
 from deepring.search.block_store import BlockStore

@@ -7,8 +7,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from deepring.data.cache import Progress
 from deepring.methods.base import Method
+from deepring.progress import Progress
 
 
 class Images(Protocol):
