@@ -20,10 +20,18 @@ import torch
 from omegaconf import OmegaConf
 
 from deepring.core.rigid import pose_from, rotation_from_rpy, turn_points, yaw_after_turn
-from deepring.data.cache import ScanSet
 from deepring.data.dataset import DatasetConfig, PlaceDataset, RetrievalSet
-from deepring.localization.calibration import Right, Trials, calibrate, join, outcome, try_out
-from deepring.localization.map import AcceptanceThresholds, Map
+from deepring.data.scan_set import ScanSet
+from deepring.localization.calibration import (
+    LocalizationTrials,
+    Tolerance,
+    calibrate,
+    concatenate,
+    evaluate_thresholds,
+    run_trials,
+)
+from deepring.localization.location import AcceptanceThresholds
+from deepring.localization.map import Map
 from deepring.methods.checkpoint import load_network
 
 CONF = Path(__file__).parents[1] / "conf" / "data"
@@ -42,10 +50,10 @@ def retrieval(name: str, root: str, spacing: float | None, whole: bool) -> Retri
 
 
 def map_of(scans: ScanSet, network) -> Map:
-    held = Map(network, scans.ground_z)
+    place_map = Map(network, scans.ground_z)
     for k in scans.indices.tolist():
-        held.add([scans.session.points(k)], scans.session.poses[k : k + 1], [str(k)])
-    return held
+        place_map.add([scans.session.points(k)], scans.session.poses[k : k + 1], [str(k)])
+    return place_map
 
 
 def queries(scans: ScanSet, blind: float, seed: int) -> Iterator:
@@ -59,25 +67,26 @@ def queries(scans: ScanSet, blind: float, seed: int) -> Iterator:
         yield points[away % 360 >= blind], scans.session.poses[k] @ sensor
 
 
-def elsewhere(maps: list[tuple[str, Map, list]]) -> Iterator[Trials]:
+def elsewhere(maps: list[tuple[str, Map, list]]) -> Iterator[LocalizationTrials]:
     """Queries looked up where they cannot be right, in the map of the next dataset of the kind."""
     for k, (name, _, scans) in enumerate(maps):
         other = next((m for n, m, _ in [*maps[k + 1 :], *maps[:k]] if n == name), None)
         if other is not None:
-            far = try_out(other, scans)
+            far = run_trials(other, scans)
             nowhere = np.full(len(far.fit), np.inf)
             yield far._replace(metres=nowhere, degrees=nowhere, nearest=nowhere)
 
 
-def row(name: str, trials: Trials, trust: AcceptanceThresholds, seconds: float) -> str:
-    wanted = Right()
-    right, near = trials.right(wanted), trials.nearest <= 10
-    found = outcome(trials, trust, wanted)
+def row(
+    name: str, trials: LocalizationTrials, thresholds: AcceptanceThresholds, seconds: float
+) -> str:
+    right, near = trials.correct(Tolerance()), trials.nearest <= 10
+    calibration = evaluate_thresholds(trials, thresholds)
     place = trials.metres[near] < 10
     return (
         f"| {name} | {len(right)} | {np.mean(place):.3f} | {np.mean(right[near][place]):.3f} | "
         f"{np.median(trials.metres[right]):.2f} | {np.median(trials.degrees[right]):.2f} | "
-        f"{found.precision:.3f} | {found.recall:.3f} | {seconds * 1e3:.0f} |"
+        f"{calibration.precision:.3f} | {calibration.recall:.3f} | {seconds * 1e3:.0f} |"
     )
 
 
@@ -100,16 +109,16 @@ def main() -> None:
     for item in args.data:
         name, _, root = item.partition("=")
         split = retrieval(name, root, args.spacing, args.whole)
-        held = map_of(split.database, network)
+        place_map = map_of(split.database, network)
         scans = list(queries(split.query, args.blind, args.seed))[:: args.every]
-        maps.append((name, held, scans))
-        held.localize(scans[0][0])  # compiles
+        maps.append((name, place_map, scans))
+        place_map.localize(scans[0][0])  # compiles
         started = time.perf_counter()
-        every.append(try_out(held, scans))
+        every.append(run_trials(place_map, scans))
         seconds = (time.perf_counter() - started) / len(scans)
         print(row(Path(root).name, every[-1], AcceptanceThresholds(), seconds), flush=True)
     if args.calibrate:
-        print(calibrate(join([*every, *elsewhere(maps)]), args.calibrate))
+        print(calibrate(concatenate([*every, *elsewhere(maps)]), args.calibrate))
 
 
 if __name__ == "__main__":

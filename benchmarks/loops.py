@@ -19,16 +19,23 @@ import torch
 
 from deepring.cli.process import tune_process
 from deepring.core.rigid import yaw_of
-from deepring.data.readers.formats import FORMATS, list_sessions, open_session
+from deepring.data.readers import ground_of, list_sessions, open_session
 from deepring.data.spacing import path_lengths
-from deepring.localization.calibration import FITS, Right, Trials, join, outcome
+from deepring.localization.calibration import (
+    FITS,
+    LocalizationTrials,
+    Tolerance,
+    concatenate,
+    evaluate_thresholds,
+)
+from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.loops import LOOP_THRESHOLDS, LoopGraph, LoopSettings, find_loops
-from deepring.localization.map import AcceptanceThresholds, Map
+from deepring.localization.map import Map
 from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing
 
 NEAR = 10.0
-RIGHT, BESIDE = Right(2.0, 5.0, NEAR), Right(4.0, 5.0, NEAR)
+RIGHT, BESIDE = Tolerance(2.0, 5.0, NEAR), Tolerance(4.0, 5.0, NEAR)
 
 
 class Drive(NamedTuple):
@@ -36,7 +43,7 @@ class Drive(NamedTuple):
 
     name: str
     keyframes: int
-    trials: Trials
+    trials: LocalizationTrials
     seconds: float
     """A keyframe."""
 
@@ -46,15 +53,16 @@ def look_back(name: str, root: str, network: DeepRing, settings: LoopSettings) -
     format = name.removeprefix("sim_")
     session = open_session(format, root, list_sessions(format, root)[0])
     started = time.perf_counter()
-    untrusting = AcceptanceThresholds(fit=-np.inf, ratio=0.0)
-    graph = find_loops(session, Map(network, FORMATS[format].ground_z, trust=untrusting), settings)
+    accepting = AcceptanceThresholds(fit=-np.inf, ratio=0.0)
+    place_map = Map(network, ground_of(session, format), thresholds=accepting)
+    graph = find_loops(session, place_map, settings)
     seconds = (time.perf_counter() - started) / len(graph.scans)
     path = path_lengths(session.positions)[graph.scans]
     trials = trials_of(graph, path, settings.recent)
     return Drive(Path(root).name, len(graph.scans), trials, seconds)
 
 
-def trials_of(graph: LoopGraph, path: np.ndarray, recent: float) -> Trials:
+def trials_of(graph: LoopGraph, path: np.ndarray, recent: float) -> LocalizationTrials:
     """Loops beside what the poses say; the distance to the nearest keyframe of the past."""
     rows, positions = [], graph.poses[:, :2, 3]
     for loop in graph.loops:
@@ -65,7 +73,7 @@ def trials_of(graph: LoopGraph, path: np.ndarray, recent: float) -> Trials:
         off = np.hypot(relative[0, 3] - loop.x, relative[1, 3] - loop.y)
         degrees = abs(np.degrees((turn + np.pi) % (2 * np.pi) - np.pi))
         rows.append((loop.fit, loop.ratio, off, degrees, away.min()))
-    return Trials(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
+    return LocalizationTrials(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
 
 
 def main() -> None:
@@ -84,8 +92,11 @@ def main() -> None:
     for item in args.data:
         drive = look_back(*item.split("=", 1), network, LoopSettings())
         drives.append(drive)
-        trust = AcceptanceThresholds(args.fit, args.ratio)
-        strict, wide = (outcome(drive.trials, trust, right) for right in (RIGHT, BESIDE))
+        thresholds = AcceptanceThresholds(args.fit, args.ratio)
+        strict, wide = (
+            evaluate_thresholds(drive.trials, thresholds, tolerance)
+            for tolerance in (RIGHT, BESIDE)
+        )
         print(
             f"| {drive.name} | {drive.keyframes} | {strict.trusted} | {strict.precision:.3f} | "
             f"{wide.precision:.3f} | {wide.recall:.3f} | {(drive.trials.nearest <= NEAR).sum()} | "
@@ -93,17 +104,18 @@ def main() -> None:
             flush=True,
         )
     if args.keep is not None:
-        trials = join([drive.trials for drive in drives])
-        found = [
-            outcome(trials, AcceptanceThresholds(float(fit), args.ratio), RIGHT) for fit in FITS
+        trials = concatenate([drive.trials for drive in drives])
+        by_fit = [
+            evaluate_thresholds(trials, AcceptanceThresholds(float(fit), args.ratio), RIGHT)
+            for fit in FITS
         ]
-        kept = [one for one in found if one.recall >= args.keep]
-        if not kept:
-            raise SystemExit(f"--keep {args.keep}: at most {found[0].recall:.3f} are found at all")
-        best = kept[-1]
+        sufficient = [one for one in by_fit if one.recall >= args.keep]
+        if not sufficient:
+            raise SystemExit(f"--keep {args.keep}: at most {by_fit[0].recall:.3f} are found at all")
+        best = sufficient[-1]
         print(
-            f"\nfit {best.trust.fit:g} keeps {best.recall:.3f} of the returns at a precision of "
-            f"{best.precision:.3f} ({best.trusted} loops)"
+            f"\nfit {best.thresholds.fit:g} keeps {best.recall:.3f} of the returns at a "
+            f"precision of {best.precision:.3f} ({best.trusted} loops)"
         )
 
 

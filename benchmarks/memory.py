@@ -18,7 +18,8 @@ import numpy as np
 
 from deepring.data.cache import RasterCache
 from deepring.data.dataset import DatasetConfig, PlaceDataset, Regions
-from deepring.evaluation.protocol import Side, Task, evaluate_method
+from deepring.evaluation.protocol import evaluate_method
+from deepring.evaluation.task import load_task
 from deepring.methods.ring import Ring
 
 
@@ -60,12 +61,8 @@ def main() -> None:
         )
         method, cache = Ring(), RasterCache(root / "cache")
         started = time.perf_counter()
-        split = PlaceDataset(config).retrieval("whole")
-        sides = []
-        for scans in (split.database, split.query):
-            kept, rasters, _ = cache.load(scans, method.raster)
-            sides.append(Side(kept, rasters))
-        outcome = evaluate_method("RING", method, Task("road", "whole", *sides))
+        task = load_task(cache, PlaceDataset(config).retrieval("whole"), method.raster)
+        outcome = evaluate_method(task.case("RING"), method, task)
         seconds = time.perf_counter() - started
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     head = outcome.results[0]

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from deepring.core.correlation import circular_cross_correlation as circular_cross_correlation
     from deepring.core.radon import radon as radon
     from deepring.core.spectrum import row_dft_magnitude as row_dft_magnitude
-    from deepring.data.readers.formats import open_session as open_session
+    from deepring.data.readers import open_session as open_session
     from deepring.data.session import Session as Session
     from deepring.errors import ConfigError as ConfigError
     from deepring.errors import DataError as DataError
@@ -56,7 +56,7 @@ _MODULES = {
     "evaluate_method": "deepring.evaluation.protocol",
     "find_loops": "deepring.localization.loops",
     "load_network": "deepring.methods.checkpoint",
-    "open_session": "deepring.data.readers.formats",
+    "open_session": "deepring.data.readers",
     "radon": "deepring.core.radon",
     "row_dft_magnitude": "deepring.core.spectrum",
 }

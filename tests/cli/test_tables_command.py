@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from deepring.errors import DeepringError
-from deepring.evaluation.protocol import Retrieved
+from deepring.evaluation.case import Case
+from deepring.evaluation.matches import TopMatches, write_matches
 from deepring.evaluation.results import Result, write_results
-from deepring.evaluation.retrievals import write_retrievals
 from deepring.experiment.status import Status, write_status
 from helpers.cli import deepring, refused, work_of
 
@@ -19,15 +19,20 @@ def train(folder, recall=0.5, seed=0, kind="dft", ways=24, data="sim", status="f
         "seed": seed,
         "data": {"name": data},
         "evaluation": {"radii": [10.0]},
-        "representation": {"raster": {"kind": "bev"}},
-        "aggregation": {"kind": kind},
+        "method": {
+            "_target_": "deepring.methods.deepring.DeepRing",
+            "raster": {"kind": "bev"},
+            "representation": {"theta_range": "full"},
+            "aggregation": {"kind": kind},
+            "similarity": {"kind": "correlation"},
+        },
         "loss": {"_target_": "losses.OneShotCrossEntropy"},
-        "episode": {"ways": ways},
+        "sampling": {"ways": ways},
     }
     folder.mkdir(parents=True)
     (folder / "config.yaml").write_text(json.dumps(config))
     rates = (recall, 0.9, 0.8, 0.7)
-    result = Result("DeepRING", data, data, "test", 10.0, 50, 100, 50, *rates, 0.01, 0.002)
+    result = Result(Case("DeepRING", data, data, "test"), 10.0, 50, 100, 50, *rates, 0.01, 0.002)
     write_results(folder / "results.csv", [result])
     write_status(folder, Status(status, error="broke" if status == "failed" else None))
 
@@ -125,12 +130,13 @@ def compared(folder, method, kind, trained, seed=0, recall=0.5, retrievals=True)
     for number, test in enumerate(("sim_nclt", "sim_mulran")):
         for region in ("test", "whole"):
             rates = (recall + number / 10, 0.9, 0.8, 0.7)
-            tested = (method, trained, test, region)
-            results.append(Result(*tested, 10.0, 50, 100, 50, *rates, 0.01, 0.002))
+            case = Case(method, trained, test, region)
+            results.append(Result(case, 10.0, 50, 100, 50, *rates, 0.01, 0.002))
             if retrievals:
-                metres = np.arange(100, dtype=np.float32) % 17
-                found = Retrieved(np.zeros(100, np.int64), -metres, None, metres, metres / 2)
-                write_retrievals(folder, *tested, found, np.arange(100), np.arange(50))
+                metres = np.arange(100, dtype=np.float32)[:, None] % 17
+                place, nearest = np.zeros((100, 1), np.int64), metres[:, 0] / 2
+                matches = (np.arange(100), place, -metres, None, metres, nearest)
+                write_matches(folder, TopMatches(case, *matches))
     write_results(folder / "results.csv", results)
     write_status(folder, Status("finished", seconds=90.0 if trained else None))
 

@@ -15,12 +15,9 @@ from torchmetrics.classification import BinaryPrecisionRecallCurve
 from torchmetrics.retrieval import RetrievalRecall
 
 from deepring.errors import DeepringError
-from deepring.evaluation import metrics
+from deepring.evaluation import batched_metrics, case, metrics
+from deepring.evaluation.batched_metrics import MaxF1, PlaceAUC, PlacePrecisionRecall, RecallAtK
 from deepring.evaluation.metrics import (
-    MaxF1,
-    PlaceAUC,
-    PlacePrecisionRecall,
-    RecallAtK,
     area_under,
     f1_along,
     first_right,
@@ -245,17 +242,17 @@ def test_trap_auc_looks_fine_while_recall_is_near_zero():
     assert max_f1(*tied, RADIUS).item() == pytest.approx(2 * recall / (1 + recall), abs=1e-6)
 
 
-def test_a_collection_shares_states_within_a_radius_only():
+def test_a_collection_without_groups_keeps_radii_apart():
     """In the first batch all ranks agree at 5 m and 10 m; from the second on they do not."""
     radii = (5.0, 10.0)
     collection = MetricCollection(
         {f"recall@{k}/{radius:g}": RecallAtK(k, radius) for k in (1, 5) for radius in radii}
-        | {f"auc/{radius:g}": PlaceAUC(radius) for radius in radii}
+        | {f"auc/{radius:g}": PlaceAUC(radius) for radius in radii},
+        compute_groups=False,
     )
     collection.update(torch.tensor([[1.0, 0.5]]), torch.tensor([[3.0, 50.0]]))
     collection.update(torch.tensor([[1.0, 0.5]]), torch.tensor([[8.0, 3.0]]))
     values = collection.compute()
-    assert len(collection.compute_groups) == len(radii)
     assert (values["recall@1/5"], values["recall@1/10"]) == (0.5, 1.0)
 
 
@@ -316,11 +313,11 @@ def test_unusable_input_is_refused(scores, distances, message):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"k": 0, "radius": 10.0}, "k 0"),
-        ({"k": 1.5, "radius": 10.0}, "k 1.5"),
-        ({"k": 1, "radius": -1.0}, "radius -1"),
-        ({"k": 1, "radius": math.nan}, "radius nan"),
-        ({"k": 1, "radius": 10.0, "over": "some"}, "over 'some'"),
+        ({"k": 0, "radius": 10.0}, "k: 0"),
+        ({"k": 1.5, "radius": 10.0}, "k: 1.5"),
+        ({"k": 1, "radius": -1.0}, "radius: -1"),
+        ({"k": 1, "radius": math.nan}, "radius: nan"),
+        ({"k": 1, "radius": 10.0, "over": "some"}, "over: 'some'"),
     ],
 )
 def test_unusable_arguments_are_refused(arguments, message):
@@ -331,6 +328,6 @@ def test_unusable_arguments_are_refused(arguments, message):
 
 
 def test_docstring_examples_run():
-    outcome = doctest.testmod(metrics)
-    assert outcome.failed == 0
-    assert outcome.attempted >= 15
+    outcomes = [doctest.testmod(module) for module in (metrics, batched_metrics, case)]
+    assert sum(outcome.failed for outcome in outcomes) == 0
+    assert sum(outcome.attempted for outcome in outcomes) >= 20

@@ -8,7 +8,7 @@ import torch.distributed as dist
 import torch.multiprocessing as mp
 from torchmetrics import MetricCollection
 
-from deepring.evaluation.metrics import MaxF1, PlaceAUC, PlacePrecisionRecall, RecallAtK
+from deepring.evaluation.batched_metrics import MaxF1, PlaceAUC, PlacePrecisionRecall, RecallAtK
 
 QUERIES, PLACES, RADIUS = 41, 23, 10.0
 SHARES = {"even": (21, 20), "uneven": (35, 6), "one has none": (41, 0)}
@@ -23,9 +23,8 @@ def everything():
 
 def all_metrics():
     single = {"recall@1": RecallAtK(1, RADIUS), "recall@5/all": RecallAtK(5, 25.0, over="all")}
-    return MetricCollection(
-        {**single, "f1": MaxF1(RADIUS), "auc": PlaceAUC(RADIUS)}
-    ), PlacePrecisionRecall(RADIUS)
+    metrics = {**single, "f1": MaxF1(RADIUS), "auc": PlaceAUC(RADIUS)}
+    return MetricCollection(metrics, compute_groups=False), PlacePrecisionRecall(RADIUS)
 
 
 def measure(scores, distances, batch=4):

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from deepring.errors import DeepringError
 from deepring.evaluation import results as module
+from deepring.evaluation.case import Case
 from deepring.evaluation.results import COLUMNS, Result, read_results, write_results
 
-EXAMPLE = Result(
-    "DeepRING", "nclt", "mulran", "test", 10.0, 120, 480, 450, 0.9, 0.95, 0.947, 0.99, 0.004, 1e-5
-)
+CASE = Case("DeepRING", "nclt", "mulran", "test")
+EXAMPLE = Result(CASE, 10.0, 120, 480, 450, 0.9, 0.95, 0.947, 0.99, 0.004, 1e-5)
 
 printable = st.characters(exclude_categories=["C", "Z"], include_characters=" ")
 names = st.text(printable, max_size=12)
@@ -28,7 +28,7 @@ def any_result(draw):
     queries = draw(counts)
     tested = (radius, draw(counts), queries, draw(st.integers(0, queries)))
     reached = (*(draw(rates) for _ in range(4)), draw(seconds), draw(seconds))
-    return Result(*(draw(names) for _ in range(4)), *tested, *reached)
+    return Result(Case(*(draw(names) for _ in range(4))), *tested, *reached)
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +58,6 @@ def test_a_result_cannot_be_changed():
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("method", "two\nlines"),
-        ("method", 3),
         ("radius_m", 0.0),
         ("radius_m", math.inf),
         ("database", -1),
@@ -107,7 +105,7 @@ def test_a_path_that_cannot_be_written_is_refused(tmp_path):
 
 def test_a_spreadsheet_s_byte_order_mark_and_line_ends_are_read(tmp_path):
     path = tmp_path / "results.csv"
-    row = ",".join(str(value) for value in astuple(EXAMPLE))
+    row = ",".join(str(value) for value in (*astuple(CASE), *astuple(EXAMPLE)[1:]))
     path.write_bytes(f"\ufeff{','.join(COLUMNS)}\r\n{row}\r\n\r\n".encode())
     assert read_results(path) == [EXAMPLE]
 
@@ -129,6 +127,7 @@ def written(tmp_path, change):
         (lambda text: text.replace(",0.9,", ",1.9,", 1), r"line 2: recall_1 1\.9"),
         (lambda text: text.replace(",0.9,", ",", 1), "line 2: 13 values; expected 14"),
         (lambda text: text + '"open', "unexpected end of data"),
+        (lambda text: text.replace("mulran", "mul\x07ran", 1), "line 2: test: "),
     ],
 )
 def test_a_file_that_cannot_be_right_is_refused(tmp_path, change, message):
@@ -145,4 +144,4 @@ def test_a_missing_file_and_one_that_is_no_text_are_refused(tmp_path):
 
 
 def test_every_column_has_its_expectation_in_words():
-    assert all(module._expected(name).startswith(("a ", "an ")) for name in COLUMNS)
+    assert all(module._expected(name).startswith(("a ", "an ")) for name in module._NUMBERS)

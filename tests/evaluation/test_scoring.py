@@ -13,6 +13,7 @@ from deepring.evaluation.descriptors import (
     write_descriptors,
 )
 from deepring.evaluation.fingerprint import fingerprint
+from deepring.evaluation.matches import COLUMNS
 from deepring.evaluation.protocol import evaluate_method
 from deepring.evaluation.scoring import (
     Pair,
@@ -51,7 +52,7 @@ def exported(tmp_path_factory):
         if label not in found:
             method, folder = METHODS[label](), tmp_path_factory.mktemp("exported")
             task = road_task(method.raster)
-            outcome = evaluate_method(label, method, task, train="city", export=folder)
+            outcome = evaluate_method(task.case(label, "city"), method, task, export=folder)
             (pair,) = find_pairs(folder)
             sides = read_descriptors(pair.query), read_descriptors(pair.database)
             found[label] = method, task, outcome, pair, *sides
@@ -65,11 +66,10 @@ def assert_same(ours, theirs):
     assert [replace(row, seconds_per_query=0) for row in ours.results] == [
         replace(row, seconds_per_query=0) for row in theirs.results
     ]
-    for a, b in zip(ours.curve, theirs.curve, strict=True):
-        assert torch.equal(a, b)
-    for name, values in vars(theirs.retrieved).items():
-        np.testing.assert_array_equal(getattr(ours.retrieved, name), values, err_msg=name)
-    assert ours.method == theirs.method
+    assert ours.case == theirs.case
+    for name in COLUMNS:
+        values = getattr(theirs.matches, name)
+        np.testing.assert_array_equal(getattr(ours.matches, name), values, err_msg=name)
 
 
 @pytest.mark.parametrize("label", METHODS)
@@ -87,7 +87,7 @@ def test_the_outcome_is_that_of_the_evaluation(label, exported):
 def test_other_radii_give_what_an_evaluation_at_them_gives(label, exported):
     method, task, _, pair, query, _ = exported(label)
     radii = (3.0, 40.0, 12.5)
-    outcome = evaluate_method(label, method, task, radii, train="city")
+    outcome = evaluate_method(task.case(label, "city"), method, task, radii)
     rescored = score_pair(pair, radii)
     assert [row.radius_m for row in rescored.results] == [3.0, 40.0, 12.5]
     per_scan = query.seconds_per_scan
@@ -98,9 +98,9 @@ def test_other_radii_give_what_an_evaluation_at_them_gives(label, exported):
 def test_turned_queries_are_known_as_such(tmp_path):
     method = METHODS["ring"]()
     task = road_task(method.raster, turned=True)
-    evaluate_method("RING", method, task, export=tmp_path)
+    evaluate_method(task.case("RING"), method, task, export=tmp_path)
     (pair,) = find_pairs(tmp_path)
-    assert np.array_equal(read_descriptors(pair.query).turns, task.query.scans.turns)
+    assert np.array_equal(read_descriptors(pair.query).turns, task.scans.query.turns)
     assert read_descriptors(pair.database).turns is None
 
 
@@ -179,12 +179,12 @@ def test_queries_without_an_answer_are_refused_with_the_nearest_place(exported):
     refuses(message, ring, far, database)
     assert score_descriptors(ring, far, database, (501.0,)).results[0].answerable > 0
     refuses("empty, expected at least one radius", ring, query, database, ())
-    refuses("radius -1.0: expected metres", ring, query, database, (10.0, -1.0))
+    refuses("radius: -1.0, expected", ring, query, database, (10.0, -1.0))
 
 
 def test_an_empty_database_is_refused(exported):
     *_, database = exported("ring")
-    none = {name: array[:0] for name, array in database.tensors.items()}
+    none = {name: array[:0] for name, array in database.arrays.items()}
     with pytest.raises(DeepringError, match="road, region test: the database holds 0 places"):
         replace(database, **none)
 
@@ -263,7 +263,7 @@ def test_values_that_make_another_method_are_refused(exported, tmp_path):
 def written(folder, query, database, **changes):
     paths = []
     for side in (database, query):
-        paths.append(folder / file_name(side.labels, side.side))
+        paths.append(folder / file_name(side.case, side.side))
         write_descriptors(paths[-1], replace(side, **changes))
     return Pair(*paths)
 
@@ -271,7 +271,8 @@ def written(folder, query, database, **changes):
 def test_a_network_that_compares_with_its_weights_needs_them(tmp_path):
     torch.manual_seed(0)
     method = Learned(deepring().settings)
-    outcome = evaluate_method("mine", method, road_task(BEV), export=tmp_path)
+    task = road_task(BEV)
+    outcome = evaluate_method(task.case("mine"), method, task, export=tmp_path)
     (pair,) = find_pairs(tmp_path)
     with pytest.raises(DeepringError, match=r"'test_scoring\.Learned' is not registered"):
         score_pair(pair)
@@ -283,7 +284,8 @@ def test_a_network_that_compares_with_its_weights_needs_them(tmp_path):
 
 def test_a_method_of_a_user_is_scored_by_itself_or_with_its_class(tmp_path):
     method = Untrained(BEV, 24, 24)
-    outcome = evaluate_method("mine", method, road_task(BEV), export=tmp_path)
+    task = road_task(BEV)
+    outcome = evaluate_method(task.case("mine"), method, task, export=tmp_path)
     (pair,) = find_pairs(tmp_path)
     sides = read_descriptors(pair.query), read_descriptors(pair.database)
     assert_same(score_descriptors(method, *sides), outcome)

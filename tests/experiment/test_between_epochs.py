@@ -6,7 +6,7 @@ from test_methods import DATA, TINY
 
 from deepring.experiment.status import read_status
 from deepring.experiment.train import train
-from deepring.training.scan_batches import ScanBatchSet
+from deepring.training.batch_hard import ScanBatchSet
 from deepring.training.tuples import TupleSet
 
 
@@ -36,18 +36,18 @@ def same(a, b):
 def test_hard_negatives_are_sought_from_their_epoch_on(run, monkeypatch):
     learnt = []
     monkeypatch.setattr(TupleSet, "learn", lambda _, vectors: learnt.append(len(vectors)))
-    run("late", "disco", 3, "drawing.hard_from=1")
+    run("late", "disco", 3, "sampling.hard_from=1")
     assert len(learnt) == 2
     assert learnt[0] > 20  # all training scans
     learnt.clear()
-    run("none", "disco", 2, "drawing.hard=0")
+    run("none", "disco", 2, "sampling.hard=0")
     assert not learnt
 
 
 @pytest.mark.filterwarnings("ignore:Checkpoint directory .* exists")
 @pytest.mark.parametrize("method", ["disco", "egonn"])
 def test_a_resumed_run_draws_what_an_undisturbed_one_draws(run, method):
-    grown = ["drawing.expand_below=1", "drawing.expand_by=1.5"] if method == "egonn" else []
+    grown = ["sampling.expand_below=1", "sampling.expand_by=1.5"] if method == "egonn" else []
     whole = weights(run("whole", method, 3, *grown))
     run("stopped", method, 2, *grown)
     last = "{}/stopped/checkpoints/last.ckpt"
@@ -66,10 +66,12 @@ def test_batches_grow_only_where_few_triplets_are_active(run, monkeypatch):
         return batch
 
     monkeypatch.setattr(ScanBatchSet, "__getitem__", seen)
-    run("grows", "egonn", 3, "drawing.expand_below=1", "drawing.expand_by=1.5", "loss.margin=1e-6")
+    run(
+        "grows", "egonn", 3, "sampling.expand_below=1", "sampling.expand_by=1.5", "loss.margin=1e-6"
+    )
     assert sizes[-6:] == [4, 4, 6, 6, 6, 6]  # two batches an epoch, a limit of 6
     sizes.clear()
-    run("stays", "egonn", 3, "drawing.expand_below=0", "drawing.expand_by=1.5")
+    run("stays", "egonn", 3, "sampling.expand_below=0", "sampling.expand_by=1.5")
     assert set(sizes) == {4}
 
 

@@ -12,7 +12,7 @@ from deepring.experiment.train import check_overlap, train
 from deepring.training.datamodule import PlaceDataModule
 
 NARROW = ("spacing.train=1", "regions.validation_share=0.3", "regions.margin=1")
-EPISODE = ("episode.ways=2", "episode.queries=1", "episode.per_epoch=2")
+EPISODE = ("sampling.ways=2", "sampling.queries=1", "sampling.per_epoch=2")
 
 
 @pytest.fixture
@@ -80,34 +80,34 @@ def test_the_test_set_changes_nothing_of_the_training(crossing, tmp_path):
         torch.load(run.checkpoint, weights_only=True)["state_dict"] for run in (alone, beside)
     ]
     assert all(torch.equal(weights[0][key], weights[1][key]) for key in weights[0])
-    places = {(r.method, r.test, r.region) for r in beside.results}
+    places = {(r.case.method, r.case.test, r.case.region) for r in beside.results}
     assert ("DeepRING", "sim_nclt", "test") in places
     assert ("DeepRING", "sim_mulran", "whole") in places
     assert ("DeepRING", "sim_nclt", "whole") not in places  # it was trained there
     assert ("RING", "sim_nclt", "whole") in places
-    assert {r.train for r in beside.results if r.method == "DeepRING"} == {"sim_nclt"}
+    assert {r.case.train for r in beside.results if r.case.method == "DeepRING"} == {"sim_nclt"}
     names = {path.name for path in (tmp_path / "beside" / "retrievals").iterdir()}
     assert "DeepRING__sim_mulran__whole.csv" in names
     assert not (tmp_path / "beside" / "descriptors").exists()
 
 
-def test_only_the_training_pool_reaches_the_training(crossing, monkeypatch, tmp_path):
-    """The pool's positions are the training scans' and no others."""
-    pools = []
+def test_only_training_scans_reach_the_training(crossing, monkeypatch, tmp_path):
+    """The episodes' positions are the training scans' and no others."""
+    points = []
     setup = PlaceDataModule.setup
 
     def spy(self, stage):
         setup(self, stage)
-        pools.append(self.pool)
+        points.append(self.train_set.places.points)
 
     monkeypatch.setattr(PlaceDataModule, "setup", spy)
     cfg = crossing()
     train(cfg, tmp_path / "run")
     dataset = build.datasets(cfg).train[0]
     expected = np.concatenate([scans.positions for scans in dataset.training()])
-    found = pools[0].positions + dataset.database.positions[0]
-    assert np.allclose(np.sort(found, axis=0), np.sort(expected, axis=0))
-    assert set(pools[0].owners) == {0}
+    positions = points[0][:, :2] + dataset.database.positions[0]
+    assert np.allclose(np.sort(positions, axis=0), np.sort(expected, axis=0))
+    assert set(points[0][:, 2]) == {0.0}
 
 
 def test_overlap_is_refused_left_out_or_allowed(crossing, caplog):
@@ -115,10 +115,9 @@ def test_overlap_is_refused_left_out_or_allowed(crossing, caplog):
     datasets, _ = build.datasets(cfg)
     splits = plan_evaluation(cfg, after=True).splits
     with pytest.raises(DeepringError, match="overlap=allow"):
-        check_overlap(cfg, datasets, splits)
-    cfg.overlap = "leave_out"
+        check_overlap(cfg.overlap, datasets, splits)
     with caplog.at_level("INFO"):
-        check_overlap(cfg, datasets, splits)
+        check_overlap("leave_out", datasets, splits)
     assert "sim_nclt whole holds training scans: it is left out" in caplog.text
 
 
@@ -128,7 +127,7 @@ def test_kept_descriptors_carry_what_they_were_made_of(crossing, tmp_path):
     path = tmp_path / "run" / "descriptors" / "DeepRING__sim_mulran__test__query.safetensors"
     kept = read_descriptors(path)
     assert kept.train == "sim_nclt"
-    assert kept.made_by["settings"]["pool"] == 2
+    assert kept.made_by["settings"]["representation"]["pool"] == 2
 
 
 def test_one_dataset_twice_is_refused(composed, tiny_nclt):

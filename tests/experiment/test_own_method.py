@@ -9,9 +9,9 @@ import pytest
 from hydra import compose, initialize_config_dir
 from test_train import SMALL
 
-from deepring.cli.train_commands import config_folder
-from deepring.errors import ConfigError
-from deepring.experiment.config import check_config, register_schema
+from deepring.errors import FileError
+from deepring.experiment.config import check_config
+from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.train import train
 from deepring.methods.checkpoint import load_network
 
@@ -27,12 +27,12 @@ def test_the_docs_method_trains_from_its_file_and_its_config(tiny_nclt, tmp_path
     monkeypatch.syspath_prepend(str(tmp_path))
     conf = shutil.copytree(config_folder(), tmp_path / "conf")
     (conf / "method" / "mine.yaml").write_text(config.replace("deepring.methods.mine", "mine"))
-    register_schema()
+    register_configs()
     with initialize_config_dir(str(conf), version_base="1.3"):
         composed = compose(
             "train",
             [
-                *("method=mine", "drawing.size=4", "drawing.limit=4", "drawing.per_epoch=2"),
+                *("method=mine", "sampling.size=4", "sampling.limit=4", "sampling.per_epoch=2"),
                 *(f"data.root={tiny_nclt}", *SMALL[3:], f"paths.outputs={tmp_path}"),
                 *(f"paths.run={tmp_path / 'run'}", "evaluation.figures=false"),
                 *("trainer.max_epochs=1", "trainer.log_every_n_steps=1", "callbacks.progress=null"),
@@ -41,6 +41,6 @@ def test_the_docs_method_trains_from_its_file_and_its_config(tiny_nclt, tmp_path
     trained = train(check_config(composed), tmp_path / "run")
     own_class = sys.modules["mine"].Mine
     assert type(load_network(trained.checkpoint, own_class).method) is own_class
-    with pytest.raises(ConfigError, match=r"'mine\.Mine' is not registered"):
+    with pytest.raises(FileError, match=r"'mine\.Mine' is not registered"):
         load_network(trained.checkpoint)
-    assert "Mine" in {r.method for r in trained.results}
+    assert "Mine" in {r.case.method for r in trained.results}

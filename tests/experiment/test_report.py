@@ -5,7 +5,7 @@ import re
 import pytest
 
 from deepring.errors import DeepringError
-from deepring.evaluation.retrievals import retrievals_in
+from deepring.evaluation.matches import matches_in
 from deepring.experiment.report import report
 from deepring.experiment.train import train
 
@@ -16,7 +16,7 @@ def run(compose_in, tiny_nclt, tmp_path_factory):
     cfg = compose_in(
         outputs,
         *("experiment=demo", f"data.root={tiny_nclt}", "data.spacing.train=1"),
-        *("episode.ways=2", "episode.queries=1", "episode.per_epoch=1", "trainer.max_epochs=1"),
+        *("sampling.ways=2", "sampling.queries=1", "sampling.per_epoch=1", "trainer.max_epochs=1"),
         *("trainer.log_every_n_steps=1", "callbacks.progress=null"),
         *("data.regions.validation_share=0.3", "data.regions.margin=1"),
         *("methods.scan_context=null", "methods.scan_context_120=null"),
@@ -37,15 +37,16 @@ def test_the_page_needs_nothing_beside_it(run):
 
 
 def test_failures_are_the_wrong_answers_of_the_highest_scores(run):
-    found = next(r for r in retrievals_in(run) if r.method == "DeepRING")
-    wrong = (found.distance > 10) & (found.nearest <= 10)
+    matches = next(m for m in matches_in(run) if m.case.method == "DeepRING")
+    answerable = matches.nearest <= 10
+    wrong = (matches.distance[:, 0] > 10) & answerable
     text = report(run, failures=3)
-    assert f"{wrong.sum()} of {(found.nearest <= 10).sum()} answerable queries" in text
+    assert f"{wrong.sum()} of {answerable.sum()} answerable queries" in text
     drawn = re.findall(r"<figcaption>Scan (\d+): score ([\d.-]+)", text)
     assert len(drawn) == min(3, wrong.sum())
-    ordered = sorted(found.score[wrong], reverse=True)[: len(drawn)]
+    ordered = sorted(matches.score[wrong, 0], reverse=True)[: len(drawn)]
     assert [score for _, score in drawn] == [f"{score:.3f}" for score in ordered]
-    assert {int(scan) for scan, _ in drawn} <= set(found.query[wrong].tolist())
+    assert {int(scan) for scan, _ in drawn} <= set(matches.query[wrong].tolist())
 
 
 def test_without_the_scans_the_rest_is_shown(run, tiny_nclt, tmp_path):

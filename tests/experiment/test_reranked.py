@@ -23,7 +23,7 @@ def ring(composed, tiny_nclt):
 def test_each_mode_is_a_row_that_says_what_it_is(ring, tmp_path):
     train(ring("evaluation.rerank=[pose,locate]", "evaluation.candidates=5"), tmp_path / "run")
     rows = [r for r in read_results(tmp_path / "run" / "results.csv") if r.radius_m == 10]
-    by_name = {row.method: row for row in rows}
+    by_name = {row.case.method: row for row in rows}
     assert list(by_name) == [
         "RING",
         "RING + pose re-ranking",

@@ -6,13 +6,16 @@ import pytest
 from omegaconf import OmegaConf
 
 from deepring.errors import DeepringError
+from deepring.evaluation.case import Case
 from deepring.evaluation.results import Result, write_results
 from deepring.experiment.runs import find_runs, read_run
 from deepring.experiment.status import Status, write_status
 from deepring.paper.ablation import ablation_tables
-from deepring.paper.ablation_tables import shown_grid
+from deepring.paper.ablation_tables import shown_table
 
-RESULT = Result("DeepRING", "sim", "sim", "test", 10.0, 50, 100, 50, 0.5, 0.9, 0.8, 0.7, 0.1, 0.1)
+RESULT = Result(
+    Case("DeepRING", "sim", "sim", "test"), 10.0, 50, 100, 50, 0.5, 0.9, 0.8, 0.7, 0.1, 0.1
+)
 
 
 def run_folder(folder, config=None, status=None, commit="c0ffee"):
@@ -150,7 +153,7 @@ def test_every_variant_that_can_be_trained_has_its_row(compose_in, tmp_path):
         run_folder(tmp_path / variant, OmegaConf.to_container(cfg))
     (table,) = ablation_tables(find_runs([tmp_path]).runs)
     assert {tuple(entry.names.values()) for entry in table.entries} == set(rows.values())
-    grid = shown_grid(table)
+    grid = shown_table(table)
     assert grid.headers[-2:] == ["Recall@1", "paper"], "no further key varies"
     paper = [row[-1].text for row in grid.rows]
     assert paper == ["0.834", "-", "0.534", "0.639", "0.743", "0.644", "-", "0.747", "0.859"]

@@ -19,9 +19,9 @@ from deepring.experiment.sweep import run_job
 
 TINY = (
     "experiment=demo",
-    "episode.ways=2",
-    "episode.queries=1",
-    "episode.per_epoch=2",
+    "sampling.ways=2",
+    "sampling.queries=1",
+    "sampling.per_epoch=2",
     "trainer.log_every_n_steps=1",
     "data.spacing.train=1",
     "data.regions.validation_share=0.3",
@@ -75,7 +75,7 @@ def test_a_job_broken_off_goes_on_and_ends_as_if_undisturbed(config, tmp_path):
         raise SystemError("broken off")
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("deepring.training.episodes.EpisodeDataset.__getitem__", _until(4, kill))
+        patch.setattr("deepring.training.episodes.EpisodeSet.__getitem__", _until(4, kill))
         with pytest.raises(SystemError):
             run_job(config(killed, "trainer.max_epochs=3"), killed)
     # Two epochs were whole: it goes on from the second, whichever was the better one.
@@ -88,9 +88,9 @@ def test_a_job_broken_off_goes_on_and_ends_as_if_undisturbed(config, tmp_path):
 
 def _until(count, then):
     """The true method ``count`` times, and ``then`` from there on."""
-    from deepring.training.episodes import EpisodeDataset
+    from deepring.training.episodes import EpisodeSet
 
-    true, calls = EpisodeDataset.__getitem__, []
+    true, calls = EpisodeSet.__getitem__, []
 
     def method(self, index):
         calls.append(index)
@@ -101,7 +101,7 @@ def _until(count, then):
 
 def test_every_epoch_can_be_gone_on_from_although_none_is_better(config, tmp_path, caplog):
     folder = tmp_path / "job"
-    still = ("optimizer.lr=0", "encoder.norm=none", "trainer.max_epochs=3", "evaluate=false")
+    still = ("optimizer.lr=0", "method.encoder.norm=none", "trainer.max_epochs=3", "evaluate=false")
     with caplog.at_level("INFO", logger="deepring"):
         run_job(config(folder, *still), folder)
     # The validation recall never moves: the first epoch is the best, and the third the last.
@@ -167,8 +167,8 @@ def test_a_folder_of_another_config_is_refused_and_stays(config, tmp_path):
     folder = tmp_path / "job"
     run_job(config(folder, "trainer.max_epochs=1"), folder)
     before = contents(folder)
-    with pytest.raises(DeepringError, match=r"episode\.ways: 2, now 3.*sweep_name"):
-        run_job(config(folder, "trainer.max_epochs=1", "episode.ways=3"), folder)
+    with pytest.raises(DeepringError, match=r"sampling\.ways: 2, now 3.*sweep_name"):
+        run_job(config(folder, "trainer.max_epochs=1", "sampling.ways=3"), folder)
     assert contents(folder) == before
     # Where a run lies and what it shows is no other config.
     shutil.copytree(folder, tmp_path / "moved")
@@ -177,7 +177,7 @@ def test_a_folder_of_another_config_is_refused_and_stays(config, tmp_path):
 
 def test_a_failure_is_kept_and_tried_again(config, tmp_path):
     folder = tmp_path / "job"
-    wide = ("encoder.widths=[2,2,2,2,2,2]", "trainer.max_epochs=1")  # 32 does not divide 60
+    wide = ("method.encoder.widths=[2,2,2,2,2,2]", "trainer.max_epochs=1")  # 32 does not divide 60
     with pytest.raises(DeepringError, match=r"encoder\.widths"):
         run_job(config(folder, *wide), folder)
     status = read_status(folder)

@@ -18,9 +18,9 @@ DEEPRING = str(Path(sys.executable).with_name("deepring"))
 
 #: A short training on the tiny streets.
 SMALL = [
-    "episode.ways=2",
-    "episode.queries=1",
-    "episode.per_epoch=1",
+    "sampling.ways=2",
+    "sampling.queries=1",
+    "sampling.per_epoch=1",
     "trainer.max_epochs=1",
     "trainer.log_every_n_steps=1",
     "data.spacing.train=1",

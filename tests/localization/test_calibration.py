@@ -10,15 +10,24 @@ from hypothesis import strategies as st
 from deepring.core.rigid import pose_from, rotation_from_rpy, turn_points
 from deepring.data.readers.nclt import open_nclt
 from deepring.errors import DeepringError
-from deepring.localization.calibration import FITS, Right, Trials, calibrate, join, outcome, try_out
+from deepring.localization.calibration import (
+    FITS,
+    LocalizationTrials,
+    Tolerance,
+    calibrate,
+    concatenate,
+    evaluate_thresholds,
+    run_trials,
+)
 from deepring.localization.candidates import RerankSettings
-from deepring.localization.map import AcceptanceThresholds, Map
+from deepring.localization.location import AcceptanceThresholds
+from deepring.localization.map import Map
 from helpers.networks import small_network
 
 
 def trials(fit, ratio, right, nearest=0.0):
     right = np.asarray(right)
-    return Trials(
+    return LocalizationTrials(
         np.asarray(fit, float),
         np.asarray(ratio, float),
         np.where(right, 0.5, 30.0),
@@ -34,7 +43,7 @@ def test_no_thresholds_trust_more_right_ones_at_this_precision(seed, precision):
     n = int(rng.integers(3, 60))
     # Few different ratios: equal ones have to be taken together.
     some = trials(rng.uniform(0, 0.6, n), rng.integers(1, 8, n) / 2, rng.random(n) < 0.8)
-    right = some.right(Right())
+    right = some.correct(Tolerance())
     most = 0
     for fit in FITS:
         for ratio in np.unique(some.ratio):
@@ -47,7 +56,7 @@ def test_no_thresholds_trust_more_right_ones_at_this_precision(seed, precision):
             calibrate(some, precision)
         return
     found = calibrate(some, precision)
-    chosen = some.trusted(found.trust)
+    chosen = some.trusted(found.thresholds)
     assert int((chosen & right).sum()) == most
     assert found.trusted == chosen.sum()
     assert found.precision == most / chosen.sum() >= precision
@@ -60,14 +69,16 @@ def test_a_few_right_ones_do_not_make_a_high_precision():
 
 
 def test_right_means_both_position_and_heading():
-    some = Trials(*np.array([[0.5] * 3, [2.0] * 3, [1.9, 2.1, 1.9], [4.9, 0, 5.1], [0, 0, 0.0]]))
-    assert some.right(Right()).tolist() == [True, False, False]
-    assert some.right(Right(metres=3)).tolist() == [True, True, False]
+    some = LocalizationTrials(
+        *np.array([[0.5] * 3, [2.0] * 3, [1.9, 2.1, 1.9], [4.9, 0, 5.1], [0, 0, 0.0]])
+    )
+    assert some.correct(Tolerance()).tolist() == [True, False, False]
+    assert some.correct(Tolerance(metres=3)).tolist() == [True, True, False]
 
 
 def test_recall_counts_the_scans_near_the_map_alone():
     some = trials([0.5, 0.5, 0.1, 0.5], [2, 2, 2, 2], [True, True, True, False], [0, 5, 5, 90])
-    found = outcome(some, AcceptanceThresholds(0.2, 1.5))
+    found = evaluate_thresholds(some, AcceptanceThresholds(0.2, 1.5))
     assert found.precision == pytest.approx(2 / 3)
     assert found.recall == pytest.approx(2 / 3)
 
@@ -81,16 +92,16 @@ def test_a_precision_is_a_share(precision):
 def test_trials_of_a_drive_and_its_own_map(tiny_nclt):
     first, second = (open_nclt(tiny_nclt, date) for date in ("2031-02-04", "2031-03-17"))
     # The network is not trained: what it takes for alike is little better than chance.
-    held = Map.build(first, small_network(), 5.0, rerank=RerankSettings(candidates=100))
+    place_map = Map.build(first, small_network(), 5.0, rerank=RerankSettings(candidates=100))
     scans = [(second.points(k), second.poses[k]) for k in range(0, len(second), 8)]
-    whole = try_out(held, scans)
-    parts = join([try_out(held, scans[:2]), try_out(held, scans[2:])])
+    whole = run_trials(place_map, scans)
+    parts = concatenate([run_trials(place_map, scans[:2]), run_trials(place_map, scans[2:])])
     for one, other in zip(whole, parts, strict=True):
         np.testing.assert_array_equal(one, other)
-    assert whole.right(Right()).all()
+    assert whole.correct(Tolerance()).all()
     assert (whole.nearest < 10).all()
     # Points that are turned by +turn are those of a sensor that looks -turn away.
     for sign, right in ((-1, True), (1, False)):
         turn = pose_from(rotation_from_rpy(0, 0, sign * 0.5), np.zeros(3))
         moved = [(turn_points(p, 0.5), pose @ turn) for p, pose in scans[:3]]
-        assert try_out(held, moved).right(Right()).all() == right
+        assert run_trials(place_map, moved).correct(Tolerance()).all() == right

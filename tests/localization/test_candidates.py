@@ -9,15 +9,12 @@ import torch
 from deepring.errors import DeepringError
 from deepring.localization.alignment import Alignment
 from deepring.localization.candidates import (
-    Candidates,
     RerankSettings,
     align_candidates,
-    by_location,
     by_pose,
-    expect_rerank,
     spread_out,
-    world_positions,
 )
+from deepring.localization.location import best_fit, world_positions
 from deepring.rasters.bev import bev_occupancy
 from helpers.scenes import scattered
 
@@ -51,58 +48,58 @@ def drive():
 def test_the_query_is_located_and_its_nearest_place_comes_first(drive):
     image, maps, poses, turn, at = drive
     shuffled = torch.tensor([7, 3, 5, 4, 1, 0, 2, 6])
-    candidates = align_candidates(image, shuffled, turn[shuffled], maps[shuffled], SETTINGS)
-    located = by_location(candidates, poses[shuffled], SETTINGS)
-    assert np.hypot(*(located.position.numpy() - at[:2])) < 1.0
-    assert located.fit == pytest.approx(float(candidates.aligned.score.max()))
-    assert located.ratio > 1.3
-    assert int(shuffled[by_pose(candidates, SETTINGS)[0]]) == 4
+    alignment = align_candidates(image, turn[shuffled], maps[shuffled], SETTINGS)
+    best = best_fit(alignment, poses[shuffled], SETTINGS)
+    assert np.hypot(*(best.position.numpy() - at[:2])) < 1.0
+    assert best.fit == pytest.approx(float(alignment.score.max()))
+    assert best.ratio > 1.3
+    assert int(shuffled[by_pose(alignment, SETTINGS)[0]]) == 4
     # The misreading: map's turn taken for its opposite puts the query elsewhere.
     mirrored = poses[shuffled] * torch.tensor([1.0, 1.0, -1.0])
-    wrong = by_location(candidates, mirrored, SETTINGS)
+    wrong = best_fit(alignment, mirrored, SETTINGS)
     assert np.hypot(*(wrong.position.numpy() - at[:2])) > 2
 
 
 def test_without_yaws_the_whole_turn_is_tried(drive):
     image, maps, _, turn, _ = drive
     some = torch.tensor([3, 4])
-    candidates = align_candidates(image, some, None, maps[some], SETTINGS)
-    known = align_candidates(image, some, turn[some], maps[some], SETTINGS)
-    apart = torch.remainder(candidates.aligned.turn - known.aligned.turn + 3, 2 * math.pi) - 3
+    alignment = align_candidates(image, None, maps[some], SETTINGS)
+    known = align_candidates(image, turn[some], maps[some], SETTINGS)
+    apart = torch.remainder(alignment.turn - known.turn + 3, 2 * math.pi) - 3
     assert apart.abs().max() < math.radians(2)
-    assert torch.allclose(candidates.aligned.position, known.aligned.position, atol=0.7)
+    assert torch.allclose(alignment.position, known.position, atol=0.7)
 
 
 def made_up(score, positions):
     n = len(score)
-    aligned = Alignment(torch.tensor(score), torch.zeros(n), torch.tensor(positions))
-    return Candidates(torch.arange(n), aligned)
+    return Alignment(torch.tensor(score), torch.zeros(n), torch.tensor(positions))
 
 
 def test_of_candidates_that_fit_the_nearest_is_taken():
-    candidates = made_up([0.9, 0.7, 0.3, 0.5], [[9.0, 9.0], [3.0, 4.0], [0.0, 0.0], [1.0, 0.0]])
+    alignment = made_up([0.9, 0.7, 0.3, 0.5], [[9.0, 9.0], [3.0, 4.0], [0.0, 0.0], [1.0, 0.0]])
     # 0.3 and 0.5 lie below 0.65 of the best; alone the fit decides among them.
-    assert by_pose(candidates, SETTINGS).tolist() == [1, 0, 3, 2]
+    assert by_pose(alignment, SETTINGS).tolist() == [1, 0, 3, 2]
 
 
 def test_the_ratio_counts_rivals_that_contradict_alone():
     poses = torch.tensor([[0.0, 0.0, 0.0], [20.0, 0.0, math.pi / 2], [90.0, 0.0, 0.0]])
-    candidates = made_up([0.6, 0.5, 0.3], [[10.0, 5.0], [5.0, 10.0], [0.0, 0.0]])
-    located = by_location(candidates, poses, SETTINGS)
+    alignment = made_up([0.6, 0.5, 0.3], [[10.0, 5.0], [5.0, 10.0], [0.0, 0.0]])
+    best = best_fit(alignment, poses, SETTINGS)
     assert torch.allclose(
-        world_positions(candidates.aligned.position, poses)[1].float(), torch.tensor([10.0, 5.0])
+        world_positions(alignment.position, poses)[1].float(), torch.tensor([10.0, 5.0])
     )
-    assert located.candidate == 0
-    assert located.ratio == pytest.approx(2.0)
-    alone = by_location(made_up([0.6], [[1.0, 2.0]]), poses[:1], SETTINGS)
+    assert best.candidate == 0
+    assert best.ratio == pytest.approx(2.0)
+    alone = best_fit(made_up([0.6], [[1.0, 2.0]]), poses[:1], SETTINGS)
     assert alone.ratio == math.inf
 
 
 def test_mistakes_are_named():
     with pytest.raises(DeepringError, match=r"rerank\.candidates: 0"):
         RerankSettings(candidates=0)
-    with pytest.raises(DeepringError, match="rerank: 'none'"):
-        expect_rerank("rerank", "none")
+    for name, value in {"close": 0, "apart": 0.0, "spread": -1.0}.items():
+        with pytest.raises(DeepringError, match=rf"rerank\.{name}: {value}"):
+            RerankSettings(**{name: value})
 
 
 def test_candidates_of_a_dense_map_lie_apart():

@@ -16,8 +16,9 @@ from deepring.data.session import Session
 from deepring.errors import DeepringError
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.graph_files import g2o_lines, json_text, tum_lines
+from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.loops import LOOP_THRESHOLDS, Loop, LoopGraph, LoopSettings, find_loops
-from deepring.localization.map import AcceptanceThresholds, Map
+from deepring.localization.map import Map
 from deepring.localization.refinement import RefinementSettings
 from helpers.networks import small_network
 

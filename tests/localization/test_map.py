@@ -1,21 +1,21 @@
-"""A map built of one drive locates scans of another; files that are damaged say so."""
+"""A map place_map of one drive locates scans of another; files that are damaged say so."""
 
-import json
 import math
 
 import numpy as np
 import pytest
 import torch
-from safetensors import safe_open
 from safetensors.torch import save_file
 
 from deepring.core.rigid import turn_points, yaw_of
 from deepring.data.readers.nclt import open_nclt
-from deepring.errors import DeepringError
+from deepring.errors import DeepringError, FileError
 from deepring.localization.candidates import RerankSettings
-from deepring.localization.map import AcceptanceThresholds, Map
+from deepring.localization.location import AcceptanceThresholds
+from deepring.localization.map import Map
 from deepring.search.correlation_index import SearchSettings
 from helpers.networks import small_network
+from helpers.sealed_files import parts_of, rewritten
 
 
 @pytest.fixture(scope="module")
@@ -24,69 +24,83 @@ def drives(tiny_nclt):
 
 
 @pytest.fixture(scope="module")
-def built(drives):
+def place_map(drives):
     # The network is not trained: what it takes for alike is little better than chance.
     rerank = RerankSettings(candidates=100)
     return Map.build(drives[0], small_network(), spacing=5.0, rerank=rerank)
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.0, -2.9])
-def test_scans_of_another_drive_are_located(built, drives, turn):
+def test_scans_of_another_drive_are_located(place_map, drives, turn):
     second = drives[1]
     for k in range(0, len(second.files), max(1, len(second.files) // 6)):
-        found = built.localize(turn_points(second.points(k), turn))
-        assert math.hypot(*(second.positions[k] - [found.x, found.y])) < 2.0
+        location = place_map.localize(turn_points(second.points(k), turn))
+        assert math.hypot(*(second.positions[k] - [location.x, location.y])) < 2.0
         # Points that are turned by +turn are those of a sensor that looks -turn away.
         heading = float(yaw_of(second.poses[k])) - turn
-        off = (found.yaw - heading + math.pi) % (2 * math.pi) - math.pi
+        off = (location.yaw - heading + math.pi) % (2 * math.pi) - math.pi
         assert abs(off) < math.radians(5)
-        assert found.name == built.names[found.place]
-        assert 0 < found.fit <= 1
+        assert location.name == place_map.places.names[location.place]
+        assert 0 < location.fit <= 1
 
 
-def test_a_scan_may_have_its_ground_elsewhere(built, drives):
+def test_a_scan_may_have_its_ground_elsewhere(place_map, drives):
     points = drives[1].points(3)
     higher = points - np.float32([0, 0, 30])  # of a sensor 30 m higher
-    found = built.localize(higher, ground_z=built.ground_z - 30)
-    usual = built.localize(points)
-    assert found.fit == pytest.approx(usual.fit, abs=0.02)
-    assert math.hypot(found.x - usual.x, found.y - usual.y) < 0.5
-    # Nearly all of it is below the ground that the map was built with.
-    assert built.localize(higher).fit < 0.5 * usual.fit
+    location = place_map.localize(higher, ground_z=place_map.ground_z - 30)
+    usual = place_map.localize(points)
+    assert location.fit == pytest.approx(usual.fit, abs=0.02)
+    assert math.hypot(location.x - usual.x, location.y - usual.y) < 0.5
+    # Nearly all of it is below the ground that the map was place_map with.
+    assert place_map.localize(higher).fit < 0.5 * usual.fit
 
 
-def test_trust_asks_for_both(built, drives):
+def test_a_trusted_location_reaches_both_thresholds(place_map, drives):
     points = drives[1].points(3)
-    sure = built.localize(points)
+    sure = place_map.localize(points)
     usual = AcceptanceThresholds()
     assert sure.trusted == (sure.fit >= usual.fit and sure.ratio >= usual.ratio)
-    for trust in (AcceptanceThresholds(fit=1.1), AcceptanceThresholds(ratio=math.inf)):
-        built.trust, usual = trust, built.trust
-        assert not built.localize(points).trusted or trust.ratio == sure.ratio
-        built.trust = usual
+    for thresholds in (AcceptanceThresholds(fit=1.1), AcceptanceThresholds(ratio=math.inf)):
+        place_map.thresholds, usual = thresholds, place_map.thresholds
+        assert not place_map.localize(points).trusted or thresholds.ratio == sure.ratio
+        place_map.thresholds = usual
     noise = np.random.default_rng(0).uniform(-60, 60, (500, 3)).astype(np.float32)
-    assert not built.localize(noise).trusted
+    assert not place_map.localize(noise).trusted
 
 
-def test_saved_and_opened_it_locates_the_same(built, drives, tmp_path):
-    built.save(tmp_path / "a.map")
+def test_an_observed_scan_is_located_and_added_as_its_points_are(drives):
+    scans, poses = [drives[0].points(k) for k in range(3)], drives[0].poses[:3]
+    by_points, by_images = Map(small_network()), Map(small_network())
+    for scan, pose, name in zip(scans, poses, "abc", strict=True):
+        by_points.add([scan], pose[None], [name])
+        by_images.add_observed(by_images.observe([scan]), pose[None], [name])
+    query = drives[1].points(0)
+    location = by_points.localize(query)
+    assert by_images.localize_observed(by_images.observe([query])) == location
+    above = by_points.ground_z + 8
+    seen = by_points.localize_observed(by_points.observe([query], above))
+    assert seen == by_points.localize(query, ground_z=above) != location
+
+
+def test_saved_and_opened_it_locates_the_same(place_map, drives, tmp_path):
+    place_map.save(tmp_path / "a.map")
     opened = Map.open(tmp_path / "a.map", check=True)
-    assert len(opened) == len(built)
-    assert (opened.rerank, opened.trust) == (built.rerank, built.trust)
+    assert len(opened) == len(place_map)
+    assert (opened.rerank, opened.thresholds) == (place_map.rerank, place_map.thresholds)
     for k in (0, 4):
-        assert opened.localize(drives[1].points(k)) == built.localize(drives[1].points(k))
+        assert opened.localize(drives[1].points(k)) == place_map.localize(drives[1].points(k))
     # It goes on growing, and is saved again in place.
     opened.add([drives[1].points(2)], drives[1].poses[2:3], ["further"])
     opened.save(tmp_path / "a.map")
     grown = Map.open(tmp_path / "a.map", check=True)
-    assert len(grown) == len(built) + 1
+    assert len(grown) == len(place_map) + 1
     assert grown.localize(drives[1].points(2)).name == "further"
 
 
-def test_the_network_travels_in_the_map(built, tmp_path):
-    built.save(tmp_path / "a.map")
+def test_the_network_travels_in_the_map(place_map, tmp_path):
+    place_map.save(tmp_path / "a.map")
     weights = Map.open(tmp_path / "a.map").network.state_dict()
-    assert all(torch.equal(weights[k], v) for k, v in built.network.state_dict().items())
+    assert all(torch.equal(weights[k], v) for k, v in place_map.network.state_dict().items())
     other = small_network(seed=1).state_dict()
     assert any(not torch.equal(weights[k], v) for k, v in other.items())
 
@@ -97,13 +111,13 @@ def test_an_empty_map_is_a_map_without_answers(tmp_path, drives):
         Map.open(tmp_path / "empty.map").localize(drives[0].points(0))
 
 
-def test_scans_without_points_or_numbers_are_refused(built):
+def test_scans_without_points_or_numbers_are_refused(place_map):
     with pytest.raises(DeepringError, match=r"shape \(0, 3\)"):
-        built.localize(np.zeros((0, 3), np.float32))
+        place_map.localize(np.zeros((0, 3), np.float32))
     points = np.ones((9, 3), np.float32)
     points[3, 0], points[5, 2] = np.nan, np.inf
     with pytest.raises(DeepringError, match="2 of 9 points"):
-        built.localize(points)
+        place_map.localize(points)
 
 
 def test_networks_that_no_map_is_made_of_are_refused():
@@ -113,49 +127,107 @@ def test_networks_that_no_map_is_made_of_are_refused():
         Map(small_network(), search=SearchSettings("float64"))
 
 
+@pytest.fixture
+def saved(place_map, tmp_path):
+    place_map.save(tmp_path / "a.map")
+    return tmp_path / "a.map"
+
+
 @pytest.mark.parametrize("cut", [0, 7, 100, -1])
-def test_files_cut_short_are_told(built, tmp_path, cut):
-    path = tmp_path / "a.map"
-    built.save(path)
-    path.write_bytes(path.read_bytes()[:cut])
-    with pytest.raises(DeepringError, match=r"a\.map"):
-        Map.open(path)
+def test_files_cut_short_are_told(saved, cut):
+    saved.write_bytes(saved.read_bytes()[:cut])
+    with pytest.raises(FileError, match=r"a\.map: no whole safetensors .*or build it again"):
+        Map.open(saved)
 
 
-def test_altered_bytes_are_told_where_they_are_checked(built, tmp_path):
-    path = tmp_path / "a.map"
-    built.save(path)
-    whole = bytearray(path.read_bytes())
+def test_altered_bytes_are_told_where_they_are_checked(saved):
+    whole = bytearray(saved.read_bytes())
     whole[-5] ^= 1
-    path.write_bytes(whole)
-    Map.open(path)
-    with pytest.raises(DeepringError, match="was altered"):
-        Map.open(path, check=True)
+    saved.write_bytes(whole)
+    Map.open(saved)
+    with pytest.raises(FileError, match="was altered"):
+        Map.open(saved, check=True)
 
 
-def rewritten(path, change):
-    """The file again with another header."""
-    with safe_open(path, framework="pt") as file:
-        tensors = {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118
-        metadata = dict(file.metadata())
-    sealed = json.loads(metadata["deepring_map"])
-    header = json.loads(sealed["header"])
-    change(header)
-    sealed["header"] = json.dumps(header)
-    save_file(tensors, path, {"deepring_map": json.dumps(sealed)})
+def test_other_versions_and_kinds_are_told(saved):
+    rewritten(saved, stated={"version": 99})
+    with pytest.raises(FileError, match="format version 99, expected 3; build it again"):
+        Map.open(saved)
+    rewritten(saved, stated={"version": 3, "kind": "network"})
+    with pytest.raises(FileError, match="a file of the kind 'network'; expected a map"):
+        Map.open(saved)
+    save_file({"a": torch.zeros(1)}, saved)
+    with pytest.raises(FileError, match="that deepring did not write"):
+        Map.open(saved)
+    save_file({"a": torch.zeros(1)}, saved, {"deepring_map": "{}"})
+    with pytest.raises(FileError, match=r"by an earlier version.*; build it again"):
+        Map.open(saved)
+    with pytest.raises(FileError, match="no such file"):
+        Map.open(saved.with_name("b.map"))
 
 
-def test_other_versions_and_altered_headers_are_told(built, tmp_path):
-    path = tmp_path / "a.map"
-    built.save(path)
-    rewritten(path, lambda header: header.update(ground_z=9.0))
-    with pytest.raises(DeepringError, match="its header was altered"):
+def refused(path, message):
+    with pytest.raises(FileError, match=message) as raised:
         Map.open(path)
-    rewritten(path, lambda header: header.update(version=99))
-    with pytest.raises(DeepringError, match="format version 99, expected 2"):
-        Map.open(path)
-    save_file({"a": torch.zeros(1)}, path)
-    with pytest.raises(DeepringError, match="without a header of ours"):
-        Map.open(path)
-    with pytest.raises(DeepringError, match="no such file"):
-        Map.open(tmp_path / "b.map")
+    assert str(raised.value).startswith(f"map {path}: ")
+    assert str(raised.value).endswith("; build it again")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("ground_z", "low", r"header\.ground_z: 'low', expected a number"),
+        ("ground_z", math.inf, "ground_z: inf"),
+        ("search", 3, r"header\.search: 3, expected an object"),
+        ("search.precision", "bfloat16", "expected bfloat16 values"),
+        ("search.code", None, "places without their code"),
+        ("rerank.candidates", 0, r"rerank\.candidates: 0"),
+        ("rerank.alignment", {}, r"header\.rerank\.alignment: lacks blur"),
+        ("thresholds", {"fit": 1.0}, r"header\.thresholds: lacks ratio"),
+        ("shape", [60, 31.5], r"header\.shape\[1\]: 31\.5"),
+        ("shape", [10, 31], "as descriptors of 10 x 31 are kept"),
+        ("shape", None, "shape of their descriptors"),
+        ("names", ["a"], "places: 1 names"),
+        ("names", [1], r"header\.names\[0\]: 1, expected text"),
+        ("network", {"class": 1, "settings": []}, "network"),
+        ("more", 1, "unknown more"),
+    ],
+)
+def test_values_that_no_map_has_are_refused(saved, name, value, message):
+    outer, _, inner = name.partition(".")
+    if inner:
+        value = {**parts_of(saved)[0]["values"][outer], inner: value}
+    rewritten(saved, values={outer: value})
+    refused(saved, message)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("images", lambda images: images[:, 1:], "images"),
+        ("images", lambda images: images.short(), "images: int16"),
+        ("poses", lambda poses: poses.float(), "poses: float32"),
+        ("poses", lambda poses: poses[1:], "poses: .* n = "),
+        ("poses", lambda poses: poses * math.nan, "not finite"),
+        ("index.values", lambda values: values[..., 1:], "places with rows of"),
+        ("index.code", lambda code: code[:, 1:], "components = "),
+        ("code.basis", lambda basis: basis[1:], "a code of"),
+    ],
+)
+def test_tensors_that_no_map_has_are_refused(saved, name, change, message):
+    rewritten(saved, tensors={name: change(parts_of(saved)[1][name])})
+    refused(saved, message)
+
+
+@pytest.mark.parametrize("name", ["index.scale", "index.values", "index.code", "code.basis"])
+def test_a_map_without_one_of_its_tensors_is_refused(saved, name):
+    rewritten(saved, lacking=[name])
+    refused(saved, "places with")
+
+
+def test_tensors_are_missed_and_unknown_ones_named(saved):
+    rewritten(saved, lacking=["poses"], tensors={"more": torch.zeros(1)})
+    refused(saved, "lacks poses and has an unknown more")
+    weights = {f"network.{name}": torch.zeros(1) for name in ("more", "even.more")}
+    rewritten(saved, lacking=["more"], tensors={"poses": torch.zeros(1, 4, 4), **weights})
+    refused(saved, "network|n = ")

@@ -1,14 +1,12 @@
 """A network in a safetensors file is the same network; other files say what they are."""
 
-import json
-
 import pytest
 import torch
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 
-from deepring.errors import DeepringError
+from deepring.errors import FileError
 from deepring.methods.checkpoint import load_network
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import (
     TrainedNetwork,
     read_network,
@@ -17,11 +15,13 @@ from deepring.methods.network_file import (
 )
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.rasters import BevRaster, PointsRaster, raster_settings
+from helpers.networks import deepring_settings
+from helpers.sealed_files import parts_of, rewritten
 
 
 def small():
     raster = raster_settings(BevRaster())
-    return DeepRing(DeepRingSettings(raster, pool=2, widths=(4, 8), convolutions=1)).eval()
+    return DeepRing(deepring_settings(raster, pool=2, widths=(4, 8), convolutions=1)).eval()
 
 
 @pytest.fixture
@@ -56,20 +56,69 @@ def test_other_methods_travel_as_well(tmp_path):
 def test_a_file_cut_short(written, share):
     content = written.read_bytes()
     written.write_bytes(content[: int(share * len(content))])
-    with pytest.raises(DeepringError, match="no whole network"):
+    with pytest.raises(FileError, match="no whole safetensors file"):
+        read_network(written)
+
+
+def test_an_altered_weight_is_told_at_once(written):
+    content = bytearray(written.read_bytes())
+    content[-3] ^= 1
+    written.write_bytes(content)
+    with pytest.raises(FileError, match="was altered"):
         read_network(written)
 
 
 def test_files_that_are_none(written, tmp_path):
-    with pytest.raises(DeepringError, match="no file"):
+    with pytest.raises(FileError, match="no such file"):
         read_network(tmp_path / "none.safetensors")
     save_file({"x": torch.zeros(1)}, tmp_path / "x.safetensors")
-    with pytest.raises(DeepringError, match="no whole network"):
+    with pytest.raises(FileError, match="that deepring did not write"):
         read_network(tmp_path / "x.safetensors")
-    weights = load_file(written)
-    save_file(weights, written, {"deepring_network": json.dumps({"version": 99})})
-    with pytest.raises(DeepringError, match="format version 99, expected 1"):
+    save_file({"x": torch.zeros(1)}, tmp_path / "x.safetensors", {"deepring_network": "{}"})
+    with pytest.raises(FileError, match=r"by an earlier version.*; export it again"):
+        read_network(tmp_path / "x.safetensors")
+    rewritten(written, stated={"version": 99})
+    with pytest.raises(FileError, match="format version 99, expected 2; export it again"):
         read_network(written)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"network": 3},
+        {"network": {}},
+        {"network": {"settings": {}}},
+        {"network": None},
+        {"trained_on": 1},
+        {"loss": None},
+        {"extra": 1},
+    ],
+)
+def test_headers_that_no_network_has_are_refused(written, change):
+    rewritten(written, values=change)
+    with pytest.raises(FileError, match="export it again"):
+        read_network(written)
+
+
+@pytest.mark.parametrize("value", [None, -1, "wide", [], [0], [[]], {"a": 1}, 1e400])
+@pytest.mark.parametrize("name", ["widths", "raster", "pool", "convolutions"])
+def test_settings_of_other_types_are_refused(written, name, value):
+    network = parts_of(written)[0]["values"]["network"]
+    network["settings"][name] = value
+    rewritten(written, values={"network": network})
+    with pytest.raises(FileError, match="export it again"):
+        read_network(written)
+
+
+def test_weights_of_another_network_are_refused(written):
+    weights = parts_of(written)[1]
+    name = next(iter(weights))
+    for change in ({"tensors": {name: torch.zeros(1, 2, 3)}}, {"lacking": [name]}):
+        copy = written.with_name("b.safetensors")
+        copy.write_bytes(written.read_bytes())
+        rewritten(copy, **change)
+        with pytest.raises(FileError, match="export it again"):
+            read_network(copy)
 
 
 def test_the_shipped_network_is_trained_and_small():

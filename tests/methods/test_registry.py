@@ -23,6 +23,7 @@ from deepring.methods.registry import (
     registered_methods,
 )
 from deepring.methods.ring import Ring
+from deepring.training.episodes import EpisodeScheme, OneShotCrossEntropy
 from deepring.training.module import PlaceModule
 from helpers.tiny_methods import TINY, deepring
 
@@ -38,7 +39,8 @@ def free_registry(monkeypatch):
 
 def write_checkpoint(folder, method):
     trainer = L.Trainer(accelerator="cpu", logger=False, enable_checkpointing=False)
-    trainer.strategy.connect(PlaceModule(method, trained_on="campus"))
+    module = PlaceModule(method, EpisodeScheme(), OneShotCrossEntropy(), trained_on="campus")
+    trainer.strategy.connect(module)
     trainer.save_checkpoint(folder / "last.ckpt")
     return folder / "last.ckpt"
 
@@ -125,7 +127,7 @@ def test_what_was_no_network_is_refused():
     good, weights = describe_network(network), weights_of(network)
     assert json.loads(json.dumps(good)) == good
     assert make_network(good, weights).settings == network.settings
-    with pytest.raises(DeepringError, match="expected 'method' and 'settings'"):
+    with pytest.raises(ConfigError, match="expected 'method' and 'settings'"):
         make_network({"class": "deepring.methods.deepring.DeepRing"}, weights)
     with pytest.raises(DeepringError, match="Ring learns nothing"):
         make_network({**good, "method": "ring"}, weights)

@@ -8,15 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deepring.errors import DeepringError
+from deepring.evaluation.case import Case
 from deepring.evaluation.results import Result
 from deepring.paper.ablation import ablation_tables
-from deepring.paper.ablation_tables import number_grid, shown_grid
-from deepring.paper.seed_groups import Run, collect_rows
+from deepring.paper.ablation_tables import number_table, shown_table
+from deepring.paper.seed_groups import Run, collect_rows, varied
 
-LOSSES = "deepring.training.losses."
-GAP = {"aggregation.kind": "gap"}
-PG = {"representation.raster.kind": "polar", "representation.angles": None}
-TRIPLET = {"loss": {"_target_": f"{LOSSES}Triplet", "margin": 0.5}, "similarity.kind": "l2"}
+LOSSES = "deepring.training.episodes."
+GAP = {"method.aggregation.kind": "gap"}
+PG = {"method.raster.kind": "polar", "method.representation.angles": None}
+TRIPLET = {
+    "loss": {"_target_": f"{LOSSES}Triplet", "margin": 0.5},
+    "method.similarity.kind": "l2",
+}
 
 
 def config(seed=0, changes=()):
@@ -26,18 +30,17 @@ def config(seed=0, changes=()):
         "data": {"name": "sim", "root": f"worlds/{seed}", "database": "a", "regions": {"test": []}},
         "train_data": {},
         "preprocessing": {"window": 5},
-        "evaluation": {"region": "test", "radii": [10.0, 5.0], "over": "answerable"},
-        "representation": {
-            "raster": {"kind": "bev"},
-            "angles": 120,
-            "pool": 2,
-            "theta_range": "full",
+        "evaluation": {"regions": ["test"], "radii": [10.0, 5.0], "over": "answerable"},
+        "method": {
+            "_target_": "deepring.methods.deepring.DeepRing",
+            "raster": {"kind": "bev", "preprocessing": {"window": 5}},
+            "representation": {"angles": 120, "pool": 2, "theta_range": "full"},
+            "encoder": {"widths": [8, 16]},
+            "aggregation": {"kind": "dft"},
+            "similarity": {"kind": "correlation", "normalisation": "unit"},
         },
-        "encoder": {"widths": [8, 16]},
-        "aggregation": {"kind": "dft"},
-        "similarity": {"kind": "correlation", "normalisation": "unit"},
         "loss": {"_target_": f"{LOSSES}OneShotCrossEntropy", "temperature_scale": 100.0},
-        "episode": {"ways": 24, "shots": 1},
+        "sampling": {"ways": 24, "shots": 1},
         "optimizer": {"lr": 1e-3},
         "trainer": {"accelerator": "cpu", "max_epochs": 12},
         "workers": 0,
@@ -54,9 +57,9 @@ def config(seed=0, changes=()):
 
 def run(recall=0.5, seed=0, changes=(), folder=None, **fields):
     rates = (recall, 0.9, 0.8, 0.7)
-    row = Result("DeepRING", "sim", "sim", "test", 10.0, 50, 100, 50, *rates, 0.01, 0.002)
+    row = Result(Case("DeepRING", "sim", "sim", "test"), 10.0, 50, 100, 50, *rates, 0.01, 0.002)
     results = [replace(row, **fields), replace(row, radius_m=5.0, recall_1=0.25)]
-    baseline = replace(row, method="RING", recall_1=0.0)
+    baseline = replace(row, case=Case("RING", "", "sim", "test"), recall_1=0.0)
     changes = dict(changes)
     folder = folder or f"{'+'.join(f'{k}-{v}' for k, v in changes.items()) or 'ours'}+seed-{seed}"
     return Run(folder, config(seed, changes), [baseline, *results], ["c0ffee"])
@@ -97,7 +100,7 @@ def test_the_order_of_runs_does_not_matter(order, recalls):
     runs = [run(recall, seed) for seed, recall in enumerate(recalls)]
     runs += [run(1 - recall, seed, GAP) for seed, recall in enumerate(recalls)]
     shuffled = [runs[k + 3 * half] for half in (1, 0) for k in order]
-    assert texts(number_grid(table(shuffled))) == texts(number_grid(table(runs)))
+    assert texts(number_table(table(shuffled))) == texts(number_table(table(runs)))
 
 
 @pytest.mark.parametrize(
@@ -112,7 +115,7 @@ def test_the_order_of_runs_does_not_matter(order, recalls):
         {"optimizer.lr": 0.001},
         {"evaluation.descriptors": True},
         {"overlap": "leave_out"},
-        {"method": {"_target_": "deepring.methods.deepring.DeepRing", "note": "small"}},
+        {"method.note": "small"},
     ],
 )
 def test_what_cannot_change_what_is_learnt_makes_no_other_row(changes):
@@ -129,24 +132,25 @@ def test_where_further_test_data_lie_may_go_with_the_seed():
 
 @pytest.mark.parametrize(
     "changes",
-    [{"optimizer.lr": 0.01}, {"encoder.widths": [8, 32]}, {"trainer.max_epochs": 13}, GAP],
+    [{"optimizer.lr": 0.01}, {"method.encoder.widths": [8, 32]}, {"trainer.max_epochs": 13}, GAP],
 )
 def test_anything_else_does(changes):
     assert len(collect_rows([run(), run(seed=1, changes=changes)]).rows) == 2
 
 
-def test_a_config_from_before_a_key_existed_is_one_row_with_those_that_say_the_same():
-    old = run(seed=1)
-    del old.config["similarity"]["kind"], old.config["representation"]["theta_range"]
-    new = run(changes={"evaluation.regions": ["test"]})
-    del new.config["evaluation"]["region"]
-    assert len(collect_rows([new, old]).rows) == 1
+def test_the_methods_preprocessing_is_no_key_of_its_own_unless_it_is_set_apart():
+    both = {"preprocessing.window": 7, "method.raster.preprocessing.window": 7}
+    rows = collect_rows([run(), run(seed=1, changes=both)], mix=True).rows
+    assert varied(rows) == ["preprocessing.window"]
+    apart = {"method.raster.preprocessing.window": 7}
+    rows = collect_rows([run(), run(seed=1, changes=apart)]).rows
+    assert varied(rows) == ["method.raster.preprocessing.window"]
 
 
 def test_means_over_other_seeds_are_not_called_best():
     both = [run(0.5), run(0.9, seed=1), run(0.6, changes=GAP), run(0.7, seed=1, changes=GAP)]
-    assert any(cell.bold for row in shown_grid(table(both)).rows for cell in row)
-    assert not any(cell.bold for row in shown_grid(table(both[:3])).rows for cell in row)
+    assert any(cell.bold for row in shown_table(table(both)).rows for cell in row)
+    assert not any(cell.bold for row in shown_table(table(both[:3])).rows for cell in row)
 
 
 def test_the_same_row_and_seed_twice_is_refused_naming_both_unless_they_agree():
@@ -185,25 +189,25 @@ def test_results_counted_on_other_queries_are_refused_within_a_seed_alone():
 
 def test_mixed_what_differs_is_a_column_even_where_the_components_tell_it_apart():
     runs = [run(0.5), run(0.6, changes=GAP | {"data.name": "real"})]
-    grid = shown_grid(table(runs, mix=True))
+    grid = shown_table(table(runs, mix=True))
     assert column(grid, "data.name") == ["real", "sim"]
     assert any("mixed" in note for note in grid.notes)
 
 
 def test_mixed_places_within_a_seed_are_rows_of_their_own():
-    grid = shown_grid(table([run(), run(changes={"data.root": "elsewhere"})], mix=True))
+    grid = shown_table(table([run(), run(changes={"data.root": "elsewhere"})], mix=True))
     assert column(grid, "data.root") == ["elsewhere", "worlds/0"]
     worlds = [run(seed=seed, changes=changes) for seed in (0, 1) for changes in ({}, GAP)]
-    assert "data.root" not in shown_grid(table(worlds, mix=True)).headers
+    assert "data.root" not in shown_table(table(worlds, mix=True)).headers
 
 
 def test_table_three_is_laid_out_as_the_paper_prints_it():
-    two_dft = TRIPLET | {"aggregation.kind": "dft2"}
-    kinds = [{}, TRIPLET, PG, GAP, {"aggregation.kind": "gmp"}, two_dft]
-    kinds.append({"aggregation.kind": "multi_gap"})
+    two_dft = TRIPLET | {"method.aggregation.kind": "dft2"}
+    kinds = [{}, TRIPLET, PG, GAP, {"method.aggregation.kind": "gmp"}, two_dft]
+    kinds.append({"method.aggregation.kind": "multi_gap"})
     shown = table([run(0.1 * (k + 1), changes=kind) for k, kind in enumerate(kinds)])
     assert shown.name == "table3"
-    grid = shown_grid(shown)
+    grid = shown_table(shown)
     assert grid.headers == ["Ablation", "Input", "Aggregation", "Loss", "Recall@1", "paper"]
     assert texts(grid) == [
         ["Representation", "PG", "DFT", "CE", "0.300", "0.834"],
@@ -219,37 +223,43 @@ def test_table_three_is_laid_out_as_the_paper_prints_it():
 
 def test_a_key_that_follows_from_the_components_is_no_column_and_one_that_does_not_is():
     plain = [run(), run(changes=TRIPLET)]
-    assert "similarity.kind" not in shown_grid(table(plain)).headers
-    grid = shown_grid(table([*plain, run(changes=TRIPLET | {"similarity.kind": "correlation"})]))
-    assert column(grid, "similarity.kind") == ["correlation", "l2", "correlation"]
+    assert "method.similarity.kind" not in shown_table(table(plain)).headers
+    grid = shown_table(
+        table([*plain, run(changes=TRIPLET | {"method.similarity.kind": "correlation"})])
+    )
+    assert column(grid, "method.similarity.kind") == ["correlation", "l2", "correlation"]
     assert column(grid, "paper") == ["-", "0.644", "0.859"], "the paper's triplet goes with L2"
 
 
 @pytest.mark.parametrize(
     "changes",
-    [{"similarity.kind": "cosine"}, {"representation.theta_range": "half"}, {"episode.ways": 8}],
+    [
+        {"method.similarity.kind": "cosine"},
+        {"method.representation.theta_range": "half"},
+        {"sampling.ways": 8},
+    ],
 )
 def test_another_setting_than_the_papers_has_no_paper_value(changes):
-    assert column(shown_grid(table([run(changes=changes), run(changes=PG)])), "paper")[1] == "-"
+    assert column(shown_table(table([run(changes=changes), run(changes=PG)])), "paper")[1] == "-"
 
 
 def test_which_row_is_the_papers_is_told_by_what_the_paper_states():
-    pools = [run(changes={"representation.pool": pool}) for pool in (1, 2)]
-    grid = shown_grid(table([*pools, run(changes=GAP)]))
+    pools = [run(changes={"method.representation.pool": pool}) for pool in (1, 2)]
+    grid = shown_table(table([*pools, run(changes=GAP)]))
     assert column(grid, "paper") == ["0.639", "0.859", "-"]
-    widths = [run(changes={"encoder.widths": width}) for width in ([8], [16])]
-    grid = shown_grid(table([*widths, run(changes=GAP)]))
+    widths = [run(changes={"method.encoder.widths": width}) for width in ([8], [16])]
+    grid = shown_table(table([*widths, run(changes=GAP)]))
     assert column(grid, "paper") == ["0.639", "-", "-"], "it states no widths"
 
 
 def ways(*numbers, **changes):
-    return [run(number / 100, changes={"episode.ways": number, **changes}) for number in numbers]
+    return [run(number / 100, changes={"sampling.ways": number, **changes}) for number in numbers]
 
 
 def test_table_four_has_the_ways_as_columns():
     shown = table(ways(24, 8, 64))
     assert shown.name == "table4"
-    grid = shown_grid(shown)
+    grid = shown_table(shown)
     assert grid.headers == ["No. Class", "8", "24", "64"]
     assert texts(grid) == [
         ["Recall@1", "0.080", "0.240", "*0.640*"],
@@ -258,8 +268,8 @@ def test_table_four_has_the_ways_as_columns():
 
 
 def test_table_four_has_a_line_for_each_further_setting():
-    grid = shown_grid(table([*ways(8, 16), *ways(8, **{"representation.pool": 1})]))
-    assert grid.headers == ["No. Class", "representation.pool", "8", "16"]
+    grid = shown_table(table([*ways(8, 16), *ways(8, **{"method.representation.pool": 1})]))
+    assert grid.headers == ["No. Class", "method.representation.pool", "8", "16"]
     assert texts(grid)[:2] == [
         ["Recall@1", "1", "0.080", "-"],
         ["Recall@1", "2", "0.080", "*0.160*"],
@@ -269,35 +279,35 @@ def test_table_four_has_a_line_for_each_further_setting():
 def test_both_tables_from_both_sweeps_and_no_row_is_lost():
     first, second = ablation_tables([*ways(8, 16, 24), run(changes=GAP), run(changes=PG)])
     assert (first.name, second.name) == ("table3", "table4")
-    assert column(shown_grid(first), "Input") == ["PG", "SG", "SG"]
-    assert "episode.ways" not in shown_grid(first).headers
+    assert column(shown_table(first), "Input") == ["PG", "SG", "SG"]
+    assert "sampling.ways" not in shown_table(first).headers
     assert len(second.entries) == 3
 
 
 def test_ways_of_another_network_are_no_table_four():
-    grid = shown_grid(table([run(changes=PG | {"episode.ways": number}) for number in (8, 16)]))
-    assert (grid.headers[0], column(grid, "episode.ways")) == ("episode.ways", ["8", "16"])
+    grid = shown_table(table([run(changes=PG | {"sampling.ways": number}) for number in (8, 16)]))
+    assert (grid.headers[0], column(grid, "sampling.ways")) == ("sampling.ways", ["8", "16"])
 
 
 def test_any_other_sweep_is_a_table_of_the_keys_it_varies_in_order_of_size():
     runs = [run(rate, changes={"optimizer.lr": rate}) for rate in (0.01, 1e-3, 1e-4)]
     shown = table(runs)
     assert shown.name == "ablation"
-    grid = shown_grid(shown)
+    grid = shown_table(shown)
     assert grid.headers == ["optimizer.lr", "Recall@1", "paper"]
     assert texts(grid)[2] == ["0.01", "*0.010*", "-"]
     assert column(grid, "optimizer.lr") == ["0.0001", "0.001", "0.01"]
 
 
 def test_one_configuration_is_a_table_of_one_row():
-    grid = shown_grid(table([run(0.5), run(0.7, 1)]))
+    grid = shown_table(table([run(0.5), run(0.7, 1)]))
     assert grid.headers == ["Input", "Aggregation", "Loss", "Recall@1", "paper"]
     assert texts(grid) == [["SG", "DFT", "CE", "0.600 ± 0.141", "0.859"]]
 
 
 def test_numbers_are_written_in_full():
     runs = [run(1 / 3), run(2 / 3, 1), run(0.1, 1, {"optimizer.lr": 1 / 7})]
-    grid = number_grid(table(runs))
+    grid = number_table(table(runs))
     rows = [dict(zip(grid.headers, row, strict=True)) for row in texts(grid)]
     assert [row["optimizer.lr"] for row in rows] == ["0.001", repr(1 / 7)]
     assert (rows[0]["n"], rows[0]["seeds"]) == ("2", "0 1")

@@ -2,6 +2,7 @@
 
 import pytest
 
+from deepring.evaluation.case import Case
 from deepring.evaluation.results import Result
 from deepring.paper.ablation import ablation_tables
 from deepring.paper.ablation_figures import ablation_figure
@@ -11,13 +12,18 @@ from deepring.reports.style import save
 
 def run(recall, seed=0, kind="dft", ways=24, pool=1):
     rates = (recall, 0.9, 0.8, 0.7)
-    result = Result("DeepRING", "sim", "sim", "test", 10.0, 50, 100, 50, *rates, 0.01, 0.002)
+    result = Result(Case("DeepRING", "sim", "sim", "test"), 10.0, 50, 100, 50, *rates, 0.01, 0.002)
     config = {
         "seed": seed,
-        "representation": {"raster": {"kind": "bev"}, "pool": pool},
-        "aggregation": {"kind": kind},
+        "method": {
+            "_target_": "deepring.methods.deepring.DeepRing",
+            "raster": {"kind": "bev"},
+            "representation": {"pool": pool, "theta_range": "full"},
+            "aggregation": {"kind": kind},
+            "similarity": {"kind": "correlation"},
+        },
         "loss": {"_target_": "losses.OneShotCrossEntropy"},
-        "episode": {"ways": ways},
+        "sampling": {"ways": ways},
     }
     return Run(f"{kind}{ways}-{pool}-{seed}", config, [result])
 

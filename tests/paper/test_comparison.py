@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deepring.errors import DeepringError
+from deepring.evaluation.case import Case
 from deepring.evaluation.results import Result
 from deepring.paper.comparison import compare, is_comparison
-from deepring.paper.comparison_tables import number_grid, shown_grids
+from deepring.paper.comparison_tables import number_table, shown_tables
 from deepring.paper.comparison_values import PAPER_RATES, Rates, family, paper_rates, slip
 from deepring.paper.seed_groups import Run
 from deepring.reports.table import latex, markdown
@@ -27,7 +28,7 @@ def result(method, train, test, region="test", recall=0.5, **fields):
     rates = (recall, 0.9, 0.8, 0.7)
     counts = (50, 100, 80)
     return replace(
-        Result(method, train, test, region, 10.0, *counts, *rates, 0.01, 0.002), **fields
+        Result(Case(method, train, test, region), 10.0, *counts, *rates, 0.01, 0.002), **fields
     )
 
 
@@ -43,7 +44,7 @@ def run(method, train, results, seed=0, folder=None, seconds=None, method_config
         "data": dataset(train or NCLT, seed),
         "test_data": {name: dataset(name, seed) for name in (NCLT, MULRAN)},
         "preprocessing": {"window": 5},
-        "evaluation": {"radii": [10.0, 5.0], "over": "answerable", "region": "test"},
+        "evaluation": {"radii": [10.0, 5.0], "over": "answerable", "regions": ["test"]},
         "method": {
             "_target_": f"deepring.methods.{CLASSES.get(method, 'deepring.DeepRing')}",
             **({} if train else {"label": method}),
@@ -71,7 +72,7 @@ def unlearned(method="RING", seed=0, recall=0.7, **kwargs):
     tests = [(test, region) for test in (NCLT, MULRAN) for region in ("test", "whole")]
     results = [result(method, "", *test, recall) for test in tests]
     results = [
-        replace(r, queries=300, answerable=200) if r.region == "whole" else r for r in results
+        replace(r, queries=300, answerable=200) if r.case.region == "whole" else r for r in results
     ]
     return run(method, "", results, seed, **kwargs)
 
@@ -88,7 +89,7 @@ def sweep(seeds=(0,), methods=("DeepRING", "DiSCO")):
 
 
 def shown(runs, **kwargs):
-    return shown_grids(compare(runs, **kwargs))
+    return shown_tables(compare(runs, **kwargs))
 
 
 def texts(grid):
@@ -102,7 +103,7 @@ def column(grid, header):
 
 def numbers(runs, **kwargs):
     """Case to header to text."""
-    grid = number_grid(compare(runs, **kwargs))
+    grid = number_table(compare(runs, **kwargs))
     rows = [dict(zip(grid.headers, row, strict=True)) for row in texts(grid)]
     return {(r["method"], r["train"], r["test"], r["region"]): r for r in rows}
 
@@ -157,7 +158,7 @@ def test_joint_training_is_no_crossing_and_is_in_the_csv_alone():
 
 def test_two_foreign_trainings_of_a_method_are_told_apart():
     kitti = learned(train=KITTI)
-    kitti = replace(kitti, results=[r for r in kitti.results if r.test != MULRAN])
+    kitti = replace(kitti, results=[r for r in kitti.results if r.case.test != MULRAN])
     grid = shown([*sweep(), kitti])["table2"]
     block = [row for row in texts(grid)[: min(grid.breaks)] if row[1] == "DiSCO"]
     assert {row[2] for row in block} == {KITTI, MULRAN}
@@ -345,7 +346,7 @@ def test_data_may_lie_elsewhere_for_another_seed_and_test_sets_may_be_more():
 
 def test_results_counted_on_other_queries_are_refused_within_a_seed_alone():
     runs = [learned(folder="one"), unlearned(folder="two")]
-    odd = [replace(r, database=49) if r.test == NCLT else r for r in runs[1].results]
+    odd = [replace(r, database=49) if r.case.test == NCLT else r for r in runs[1].results]
     runs[1] = replace(runs[1], results=odd)
     message = r"results database on sim_nclt test \(seed 0\): 50 in one, 49 in two; expected"
     with pytest.raises(DeepringError, match=message):
@@ -480,27 +481,14 @@ def test_markdown_is_one_table_a_grid():
 # When it is a comparison.
 
 
-def old(results=None):
-    """A run of before there was a method in the config."""
-    whole = learned("DeepRING")
-    config = {key: value for key, value in whole.config.items() if key != "method"}
-    return Run("old", config, results or whole.results[:1])
-
-
 def test_runs_of_another_method_or_tested_in_several_places_are_a_comparison():
     own = replace(learned("DeepRING"), results=learned("DeepRING").results[:1])
-    assert not is_comparison([old(), own])
-    assert not is_comparison([old([*own.results, replace(own.results[0], method="RING")])])
+    ring = replace(own.results[0], case=Case("RING", "", NCLT, "test"))
+    assert not is_comparison([own, replace(own, results=[*own.results, ring])])
     assert is_comparison([own, learned("DeepRING")])
-    assert is_comparison([old(old().results + learned("DeepRING").results[1:])])
     other = replace(learned("DiSCO"), results=learned("DiSCO").results[:1])
     assert is_comparison([other])
-    assert is_comparison([old(), other])
-
-
-def test_a_config_of_before_there_was_a_method_is_deeprings():
-    (row,) = texts(shown([old()])["table1"])
-    assert row[:4] == ["sim_nclt", "DeepRING", "0.800", "0.859"]
+    assert is_comparison([own, other])
 
 
 # The paper.

@@ -3,8 +3,10 @@
 import numpy as np
 import torch
 
+from deepring.evaluation.case import Case
+from deepring.evaluation.counting import precision_recall
+from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.results import Result
-from deepring.evaluation.retrievals import Retrievals, precision_recall_of
 from deepring.paper.comparison import compare
 from deepring.paper.comparison_curves import curve_panels
 from deepring.paper.seed_groups import Run
@@ -17,19 +19,18 @@ def run(method, train, seed=0):
     target = "disco.Disco" if train else "ring.Ring"
     config = {"seed": seed, "method": {"_target_": f"deepring.methods.{target}"}}
     results = [
-        Result(method, train, *test, 10.0, 50, 9, 5, 0.5, 0.9, 0.8, 0.7, 0.01, 0.002)
+        Result(Case(method, train, *test), 10.0, 50, 9, 5, 0.5, 0.9, 0.8, 0.7, 0.01, 0.002)
         for test in TESTS
     ]
     return Run(f"{method}-{train}-{seed}", config, results)
 
 
-def found(method, train, test, region, score=0.0):
-    distance = np.array([3.0, 12.0, 40.0], dtype=np.float32)
+def matches(method, train, test, region, score=0.0):
+    distance = np.array([[3.0], [12.0], [40.0]], dtype=np.float32)
     index = np.arange(3)
-    scores = np.array([score + 3, 2, 1], dtype=np.float32)
-    return Retrievals(
-        method, train, test, region, index, index, scores, None, distance, distance / 2
-    )
+    scores = np.array([[score + 3], [2], [1]], dtype=np.float32)
+    case, nearest = Case(method, train, test, region), distance[:, 0] / 2
+    return TopMatches(case, index, index[:, None], scores, None, distance, nearest)
 
 
 def panels(runs, retrieved, **kwargs):
@@ -37,8 +38,8 @@ def panels(runs, retrieved, **kwargs):
 
 
 RUNS = [run("DiSCO", "sim_nclt"), run("DiSCO", "sim_mulran"), run("RING", "")]
-ALL = [(0, found("RING", "", *test)) for test in TESTS] + [
-    (0, found("DiSCO", train, *test)) for train in ("sim_nclt", "sim_mulran") for test in TESTS
+ALL = [(0, matches("RING", "", *test)) for test in TESTS] + [
+    (0, matches("DiSCO", train, *test)) for train in ("sim_nclt", "sim_mulran") for test in TESTS
 ]
 
 
@@ -56,23 +57,22 @@ def test_a_panel_for_each_test_of_tables_one_and_two():
 def test_the_curve_is_that_of_the_radius_shown():
     ((precision, recall),) = panels(RUNS, ALL).panels["sim_nclt, in-domain"]["DiSCO"]
     _, retrieved = ALL[4]
-    numbers = (retrieved.distance, retrieved.nearest, retrieved.score)
-    expected = precision_recall_of(*numbers, radius=10.0)
+    expected = precision_recall(retrieved, 10.0)
     assert torch.equal(precision, expected[0])
     assert torch.equal(recall, expected[1])
-    assert not torch.equal(precision, precision_recall_of(*numbers, radius=15.0)[0])
+    assert not torch.equal(precision, precision_recall(retrieved, 15.0)[0])
 
 
 def test_the_first_of_a_seed_is_taken_and_other_seeds_are_passed_over():
     test = ("RING", "", "sim_nclt", "test")
-    retrieved = [(0, found(*test)), (0, found(*test, score=-3)), (7, found(*test))]
+    retrieved = [(0, matches(*test)), (0, matches(*test, score=-3)), (7, matches(*test))]
     (curve,) = panels(RUNS, retrieved).panels["sim_nclt, in-domain"]["RING"]
-    assert torch.equal(curve[0], precision_recall_of([3, 12, 40], [1.5, 6, 20], [3.0, 2, 1], 10)[0])
+    assert torch.equal(curve[0], precision_recall(matches(*test), 10)[0])
 
 
 def test_each_seed_has_its_curve_and_what_lacks_one_is_named():
     runs = [*RUNS, run("RING", "", 1)]
-    retrieved = [*ALL[:4], (1, found("RING", "", "sim_nclt", "test"))]
+    retrieved = [*ALL[:4], (1, matches("RING", "", "sim_nclt", "test"))]
     made = panels(runs, retrieved)
     assert len(made.panels["sim_nclt, in-domain"]["RING"]) == 2
     assert len(made.panels["sim_nclt, cross-domain"]["RING"]) == 1
@@ -87,7 +87,7 @@ def test_without_any_there_is_no_panel():
 
 def test_two_trainings_of_a_method_are_told_apart():
     runs = [*RUNS, run("DiSCO", "sim_kitti")]
-    retrieved = [*ALL, (0, found("DiSCO", "sim_kitti", "sim_nclt", "whole"))]
+    retrieved = [*ALL, (0, matches("DiSCO", "sim_kitti", "sim_nclt", "whole"))]
     assert list(panels(runs, retrieved).panels["sim_nclt, cross-domain"]) == [
         *("RING", "DiSCO (sim_kitti)", "DiSCO (sim_mulran)")
     ]

@@ -6,6 +6,7 @@ import pytest
 from rich.console import Console
 
 from deepring.errors import DeepringError
+from deepring.evaluation.case import Case
 from deepring.evaluation.results import Result
 from deepring.reports.results_table import (
     markdown,
@@ -18,7 +19,7 @@ from deepring.reports.results_table import (
 
 def result(method, recall_1=0.5, *, train="", test="nclt", radius=10.0, query_s=0.002):
     rates = (recall_1, 0.9, 0.8, 0.7)
-    return Result(method, train, test, "test", radius, 50, 100, 50, *rates, 0.0123, query_s)
+    return Result(Case(method, train, test, "test"), radius, 50, 100, 50, *rates, 0.0123, query_s)
 
 
 def shown(table, *, colour=False, width=120):

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from deepring.errors import DeepringError
-from deepring.reports.table import Cell, Grid, best_bold, csv, latex, markdown, terminal
+from deepring.reports.table import Cell, Table, best_bold, csv, latex, markdown, terminal
 
 
 def grid(rows, headers=("what", "R@1"), names=1, **kwargs):
-    return Grid("a title", headers, rows, names, **kwargs)
+    return Table("a title", headers, rows, names, **kwargs)
 
 
 def printed(*grids, width=100):
@@ -46,7 +46,7 @@ def test_bold_are_exactly_those_equal_to_the_maximum(values):
 
 
 def test_a_row_of_another_length_is_refused():
-    with pytest.raises(DeepringError, match=r"rows\[1\]: 1 cells; expected 2"):
+    with pytest.raises(DeepringError, match=r"rows\[1\]: 1 cells; expected one per header, 2"):
         grid([[Cell("a"), Cell("1")], [Cell("b")]])
 
 
@@ -56,7 +56,10 @@ def test_markdown_escapes_bars_and_lists_notes():
 
 
 def test_latex_is_a_booktabs_table():
-    rows = [[Cell("PG"), Cell("0.834 ± 0.010")], [Cell("SG"), Cell("0.859", bold=True)]]
+    rows = [
+        [Cell("PG"), Cell("0.834 ± 0.010")],
+        [Cell("SG"), Cell("0.859", bold=True)],
+    ]
     lines = latex(grid(rows, breaks=[1], notes=["a note"])).splitlines()
     assert lines == [
         r"\begin{table}[t]",

@@ -1,6 +1,7 @@
 """Exact search against the double sum of Eq. 8; precisions; two stages; growth and files."""
 
 import math
+import shutil
 
 import pytest
 import torch
@@ -8,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deepring.core.correlation import circular_cross_correlation, unit_norm
-from deepring.errors import DeepringError
+from deepring.errors import DeepringError, FileError
 from deepring.search.block_store import BlockStore
 from deepring.search.code import CodeSettings, code_scores, fit_code
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
@@ -21,6 +22,7 @@ from deepring.search.spectra import (
     padded_spectra,
     tail_norms,
 )
+from helpers.sealed_files import rewritten
 
 PRECISIONS = ["float32", "bfloat16", "int8"]
 EXHAUSTIVE = SearchSettings(code=None)
@@ -267,7 +269,7 @@ def test_mistakes_are_named(tmp_path):
         CodeSettings(components=0)
     with pytest.raises(DeepringError, match=r"search\.candidates: 0"):
         SearchSettings(candidates=0)
-    with pytest.raises(DeepringError, match=r"no index\.safetensors"):
+    with pytest.raises(DeepringError, match=r"index\.safetensors: no such file"):
         CorrelationIndex.open(tmp_path)
     (tmp_path / "note.txt").write_text("mine")
     with pytest.raises(DeepringError, match="holds files already"):
@@ -283,9 +285,69 @@ def test_damaged_files_are_named(tmp_path):
     with pytest.raises(DeepringError, match=r"00000\.safetensors.*cut short"):
         CorrelationIndex.open(tmp_path / "map")
     shard.unlink()
-    with pytest.raises(DeepringError, match=r"00000\.safetensors.*missing"):
+    with pytest.raises(DeepringError, match=r"00000\.safetensors: no such file"):
         CorrelationIndex.open(tmp_path / "map")
     index_of(maps(4)).save(tmp_path / "other")
-    (tmp_path / "other" / "00000.safetensors").rename(shard)
-    with pytest.raises(DeepringError, match=r"holds \[4\] rows, expected 5"):
+    shutil.copy(tmp_path / "other" / "00000.safetensors", shard)
+    with pytest.raises(
+        DeepringError, match=r"00000\.safetensors: of another .* shard 0 with 5 rows"
+    ):
         CorrelationIndex.open(tmp_path / "map")
+
+
+def grown(folder, *lots):
+    """A folder with one shard per lot of places."""
+    index = CorrelationIndex(SearchSettings("int8", CodeSettings(4, 4)))
+    for lot in lots:
+        index.add(lot)
+        index.save(folder)
+    return folder
+
+
+def test_every_byte_of_shards_is_read_where_it_is_asked_for(tmp_path):
+    folder = grown(tmp_path / "map", maps(5), maps(4, seed=1))
+    CorrelationIndex.open(folder, check=True)
+    shard = folder / "00001.safetensors"
+    content = bytearray(shard.read_bytes())
+    content[-1] ^= 1
+    shard.write_bytes(content)
+    CorrelationIndex.open(folder)
+    with pytest.raises(FileError, match=r"^index shard .*00001\.safetensors: .* was altered"):
+        CorrelationIndex.open(folder, check=True)
+
+
+def test_shards_of_equal_shapes_cannot_change_places(tmp_path):
+    folder = grown(tmp_path / "map", maps(5), maps(5, seed=1))
+    first, second = (folder / f"0000{k}.safetensors" for k in (0, 1))
+    content = first.read_bytes()
+    first.write_bytes(second.read_bytes())
+    second.write_bytes(content)
+    with pytest.raises(FileError, match=r"00000\.safetensors: of another index or place in it"):
+        CorrelationIndex.open(folder)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"period": "long"}, r"header\.period: 'long'"),
+        ({"shape": [12]}, r"header\.shape: \[12\]"),
+        ({"shape": [14, 7]}, "as descriptors of 14 x 7 are kept"),
+        ({"shape": None}, "shape of their descriptors"),
+        ({"shards": [{"rows": 5}]}, "lacks digest"),
+        ({"settings": {}}, r"header\.settings: lacks"),
+        ({"lengths": [5]}, "unknown lengths"),
+    ],
+)
+def test_headers_that_no_index_has_are_refused(tmp_path, values, message):
+    folder = grown(tmp_path / "map", maps(5))
+    rewritten(folder / "index.safetensors", values=values)
+    with pytest.raises(FileError, match=rf"^index .*index\.safetensors: .*{message}.*; build"):
+        CorrelationIndex.open(folder)
+
+
+@pytest.mark.parametrize("name", ["basis", "step"])
+def test_an_index_without_all_of_its_code_is_refused(tmp_path, name):
+    folder = grown(tmp_path / "map", maps(5))
+    rewritten(folder / "index.safetensors", lacking=[name])
+    with pytest.raises(FileError, match="places with"):
+        CorrelationIndex.open(folder)

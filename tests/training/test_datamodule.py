@@ -8,9 +8,9 @@ from deepring.data.cache import RasterCache
 from deepring.data.dataset import DatasetConfig, PlaceDataset, Regions, Spacing
 from deepring.rasters import BevRaster
 from deepring.training.datamodule import PlaceDataModule
-from deepring.training.episodes import EpisodeSettings
+from deepring.training.episodes import EpisodeScheme
 
-EPISODE = EpisodeSettings(ways=2, shots=1, queries=2, per_epoch=3)
+EPISODE = EpisodeScheme(ways=2, shots=1, queries=2, per_epoch=3)
 
 
 def dataset(name, root, **regions):
@@ -52,17 +52,16 @@ def drawn(datamodule, epoch=0):
 
 
 def same(a, b):
-    return all(
-        torch.equal(x, y) for p, q in zip(a, b, strict=True) for x, y in zip(p, q, strict=True)
-    )
+    return all(torch.equal(x.rasters, y.rasters) for x, y in zip(a, b, strict=True))
 
 
 def test_an_epoch_holds_its_episodes_with_images_of_the_raster(datamodule):
     episodes = drawn(datamodule())
     assert len(episodes) == 3
-    assert episodes[0].support.shape == (2, 1, 40, 40)
-    assert episodes[0].query.shape == (2, 2, 40, 40)
-    assert all(episode.query.any() for episode in episodes)
+    support, query = episodes[0].split(episodes[0].rasters)
+    assert support.shape == (2, 1, 40, 40)
+    assert query.shape == (2, 2, 40, 40)
+    assert all(episode.rasters.flatten(1).any(dim=1).all() for episode in episodes)
 
 
 def test_workers_do_not_change_the_episodes_and_seeds_and_epochs_do(datamodule):

@@ -7,20 +7,25 @@ import numpy as np
 import pytest
 import torch
 
-from deepring.data.cache import Rasters, pack
-from deepring.errors import DeepringError
+from deepring.data.packed_rasters import Rasters, pack
+from deepring.errors import ConfigError, DeepringError
 from deepring.methods.checkpoint import load_network
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRing
 from deepring.rasters import BevRaster, raster_settings
+from deepring.training.batch_order import BatchOrder
+from deepring.training.callbacks import BetweenEpochs
 from deepring.training.datamodule import RetrievalBatch
-from deepring.training.episodes import BatchOrder, EpisodeDataset, EpisodeSettings, Places
+from deepring.training.episodes import EpisodeScheme, OneShotCrossEntropy
 from deepring.training.module import PlaceModule
+from deepring.training.training_scans import TrainingScans
+from deepring.training.tuples import LazyQuadruplet, TupleScheme
+from helpers.networks import deepring_settings
 
 RASTER = BevRaster(cells=32)
-SETTINGS = DeepRingSettings(
+SETTINGS = deepring_settings(
     raster=raster_settings(RASTER), angles=32, bins=32, widths=[4, 8], convolutions=1
 )
-EPISODE = EpisodeSettings(ways=4, shots=1, queries=2, per_epoch=6)
+EPISODE = EpisodeScheme(ways=4, shots=1, queries=2, per_epoch=6)
 
 
 class Toy(L.LightningDataModule):
@@ -39,8 +44,9 @@ class Toy(L.LightningDataModule):
                 positions.append([40.0 * place + scan, 0.0])
         self.positions = np.array(positions)
         self.rasters = Rasters(np.stack(images), RASTER)
-        pool = Places(self.positions, np.zeros(len(images), dtype=np.int64), EPISODE)
-        self.episodes = EpisodeDataset(pool, self.rasters, seed)
+        dataset, headings = np.zeros(len(images), dtype=np.int64), np.zeros(len(images))
+        scans = TrainingScans(self.positions, dataset, headings, self.rasters)
+        self.episodes = EPISODE.training_set(scans, seed)
 
     def train_dataloader(self):
         order = BatchOrder(EPISODE.per_epoch, self.trainer.global_rank, self.trainer.world_size)
@@ -58,6 +64,8 @@ def module(seed=0, optimizer=None):
     L.seed_everything(seed, verbose=False)
     return PlaceModule(
         DeepRing(SETTINGS),
+        EPISODE,
+        OneShotCrossEntropy(),
         validation=["toy"],
         optimizer=optimizer or partial(torch.optim.Adam, lr=1e-2, weight_decay=1e-4),
         scheduler=partial(torch.optim.lr_scheduler.MultiStepLR, milestones=[2], gamma=0.1),
@@ -135,6 +143,13 @@ def test_a_checkpoint_carries_all_that_makes_its_descriptors(tmp_path):
     assert torch.equal(loaded.method.describe(image), model.method.describe(image))
 
 
+def test_a_loss_of_another_scheme_is_refused():
+    with pytest.raises(ConfigError, match=r"loss: LazyQuadruplet, expected .* EpisodeLoss"):
+        PlaceModule(DeepRing(SETTINGS), EPISODE, LazyQuadruplet())
+    with pytest.raises(ConfigError, match=r"loss: OneShotCrossEntropy, expected .* TupleLoss"):
+        PlaceModule(DeepRing(SETTINGS), TupleScheme(), OneShotCrossEntropy())
+
+
 def test_a_missing_or_foreign_checkpoint_is_one_clear_error(tmp_path):
     with pytest.raises(DeepringError, match="is no file"):
         load_network(tmp_path / "none.ckpt")
@@ -175,9 +190,36 @@ def furthest(a, b):
     return max((a[name] - b[name]).abs().max().item() for name in names)
 
 
+class Rank(EpisodeScheme):
+    """Episodes whose step tells which process takes it."""
+
+    def step(self, method, loss, batch):
+        step = super().step(method, loss, batch)
+        return step._replace(parts={"rank": torch.tensor(float(torch.distributed.get_rank()))})
+
+
+class Told(Toy):
+    """Writes down what the training set is told after an epoch, a file per process."""
+
+    def __init__(self, folder):
+        super().__init__()
+        self.folder, self.train_set = folder, self
+
+    def before_epoch(self, epoch, method):
+        assert (epoch, type(method)) == (0, DeepRing)
+
+    def after_epoch(self, parts):
+        (self.folder / f"rank{self.trainer.global_rank}").write_text(str(parts))
+
+
 def test_two_processes_train_on_different_episodes_and_agree(tmp_path):
     model = module(optimizer=DESCENT)
-    fit(model, tmp_path, 1, devices=2, strategy="ddp_spawn")
+    model.scheme = Rank(ways=4, shots=1, queries=2, per_epoch=6)
+    callbacks = [L.pytorch.callbacks.ModelCheckpoint(tmp_path, "last"), BetweenEpochs()]
+    options = {"devices": 2, "strategy": "ddp_spawn", "callbacks": callbacks}
+    fit(model, tmp_path, 1, data=Told(tmp_path), **options)
+    # What sets learn between epochs is the mean of both processes, in both.
+    assert [(tmp_path / f"rank{k}").read_text() for k in range(2)] == ["{'rank': 0.5}"] * 2
     found = torch.load(tmp_path / "last.ckpt", weights_only=True)["state_dict"]
     first, second = (BatchOrder(EPISODE.per_epoch, rank, 2) for rank in range(2))
     start = module().state_dict()

@@ -10,9 +10,7 @@ from deepring.progress import progress_bar
 def data_command(args: argparse.Namespace) -> None:
     """Print what each session holds; exit with 1 where a session or a scan cannot be used."""
     with progress_bar("reading scans") as bar:
-        reports = check(
-            args.root, args.format, args.session, lambda _, done, total: bar(done, total)
-        )
+        reports = check(args.root, args.format, args.session, bar)
     print("\n".join(report_lines(reports)))
     if not all(report.usable and not report.broken for report in reports):
         sys.exit(1)

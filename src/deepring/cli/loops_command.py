@@ -7,8 +7,9 @@ from deepring.cli.console import console
 from deepring.cli.options import expect_new, network_of, open_drive
 from deepring.io.files import replacing
 from deepring.localization.graph_files import g2o_lines, json_text, tum_lines
+from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.loops import LoopSettings, find_loops
-from deepring.localization.map import AcceptanceThresholds, Map
+from deepring.localization.map import Map
 from deepring.localization.refinement import RefinementSettings
 from deepring.progress import progress_bar
 
@@ -22,7 +23,7 @@ def loops_command(args: argparse.Namespace) -> None:
     settings = LoopSettings(args.spacing, args.recent, refinement)
     network = network_of(args.checkpoint)
     session, ground_z = open_drive(args)
-    empty = Map(network, ground_z, trust=AcceptanceThresholds(args.fit, args.ratio))
+    empty = Map(network, ground_z, thresholds=AcceptanceThresholds(args.fit, args.ratio))
     with progress_bar(f"{session.name}: looking back") as bar:
         graph = find_loops(session, empty, settings, bar)
     contents = {

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from deepring.cli.console import console
 from deepring.cli.options import expect_new, network_of, open_drive
-from deepring.data.cache import Progress
 from deepring.data.session import Points, Session
 from deepring.data.spacing import sample_by_distance
-from deepring.localization.calibration import Right, calibrate, try_out
+from deepring.localization.calibration import Tolerance, calibrate, run_trials
 from deepring.localization.map import Map
-from deepring.progress import progress_bar
+from deepring.progress import Progress, progress_bar
 from deepring.search.correlation_index import SearchSettings
 
 
@@ -49,13 +48,13 @@ def calibrate_map(args: argparse.Namespace) -> None:
     everywhere = np.ones(len(session.files), dtype=np.bool_)
     scans = sample_by_distance(session.positions, args.spacing, everywhere)
     with progress_bar(f"{session.name}: locating") as bar:
-        trials = try_out(place_map, scans_of(session, scans, bar), ground_z)
-    calibration = calibrate(trials, args.precision, Right(metres=args.within))
-    place_map.trust = calibration.trust
+        trials = run_trials(place_map, scans_of(session, scans, bar), ground_z)
+    calibration = calibrate(trials, args.precision, Tolerance(metres=args.within))
+    place_map.thresholds = calibration.thresholds
     place_map.save(args.output)
     console.print(f"written      {args.output}", markup=False)
     console.print(
-        f"trust        fit {calibration.trust.fit:g}, ratio {calibration.trust.ratio:.3f}"
+        f"trust        fit {calibration.thresholds.fit:g}, ratio {calibration.thresholds.ratio:.3f}"
     )
     console.print(f"precision    {calibration.precision:.3f} of {calibration.trusted} trusted")
     console.print(
@@ -77,12 +76,13 @@ def show(path: Path, place_map: Map) -> None:
     console.print(f"map          {path}, {path.stat().st_size / 1e6:.1f} MB")
     console.print(f"places       {len(place_map)}")
     if len(place_map):
-        positions = place_map.poses[:, :2, 3].numpy()
-        size = np.ptp(positions, axis=0)
+        size = np.ptp(place_map.places.positions, axis=0)
         console.print(f"extent       {size[0]:.0f} m x {size[1]:.0f} m")
     settings = place_map.network.settings
     parameters = sum(p.numel() for p in place_map.network.parameters())
     console.print(f"network      {settings.label}, {parameters} parameters")
     console.print(f"descriptors  {place_map.index.settings.precision}")
     console.print(f"ground       {place_map.ground_z:g} m in the scans' frame")
-    console.print(f"trust        fit {place_map.trust.fit:g}, ratio {place_map.trust.ratio:g}")
+    console.print(
+        f"trust        fit {place_map.thresholds.fit:g}, ratio {place_map.thresholds.ratio:g}"
+    )

@@ -8,21 +8,21 @@ from matplotlib.figure import Figure
 
 from deepring.checks import one_of
 from deepring.cli.console import console
+from deepring.evaluation.matches import FOLDER, matches_in
 from deepring.evaluation.metrics import Over
-from deepring.evaluation.retrievals import FOLDER, retrievals_in
 from deepring.experiment.runs import find_runs
 from deepring.io.files import replacing
 from deepring.paper.ablation import AblationTable, ablation_tables
 from deepring.paper.ablation_figures import ablation_figure
-from deepring.paper.ablation_tables import number_grid, shown_grid
+from deepring.paper.ablation_tables import number_table, shown_table
 from deepring.paper.comparison import Comparison, compare, is_comparison
 from deepring.paper.comparison_curves import curve_panels
 from deepring.paper.comparison_figures import comparison_figure
-from deepring.paper.comparison_tables import number_grid as comparison_numbers
-from deepring.paper.comparison_tables import shown_grids
+from deepring.paper.comparison_tables import number_table as comparison_numbers
+from deepring.paper.comparison_tables import shown_tables
 from deepring.paper.seed_groups import Run, seed_of
 from deepring.reports.style import save
-from deepring.reports.table import Grid, csv, latex, markdown, terminal
+from deepring.reports.table import Table, csv, latex, markdown, terminal
 
 
 def tables_command(args: argparse.Namespace) -> None:
@@ -39,22 +39,22 @@ def tables_command(args: argparse.Namespace) -> None:
 
 def _show_ablation(tables: Sequence[AblationTable], folder: Path) -> None:
     """Print the tables, and write each in every format and as a figure."""
-    grids = [shown_grid(table) for table in tables]
-    console.print(terminal(grids))
-    for table, grid in zip(tables, grids, strict=True):
-        _write_shown(table.name, grid, folder)
-        _write(folder / f"{table.name}.csv", csv(number_grid(table)))
+    texts = [shown_table(table) for table in tables]
+    console.print(terminal(texts))
+    for table, text in zip(tables, texts, strict=True):
+        _write_shown(table.name, text, folder)
+        _write(folder / f"{table.name}.csv", csv(number_table(table)))
         _save(ablation_figure(table), folder / f"{table.name}.png")
 
 
 def _show_comparison(comparison: Comparison, runs: Sequence[Run], folder: Path) -> None:
     """Print the tables, and write each as it is shown, all numbers in one file, and a figure."""
-    grids = shown_grids(comparison)
-    console.print(terminal(list(grids.values())))
-    for name, grid in grids.items():
-        _write_shown(name, grid, folder)
+    tables = shown_tables(comparison)
+    console.print(terminal(list(tables.values())))
+    for name, table in tables.items():
+        _write_shown(name, table, folder)
     _write(folder / "comparison.csv", csv(comparison_numbers(comparison)))
-    retrieved = ((seed_of(run), found) for run in runs for found in retrievals_in(run.folder))
+    retrieved = ((seed_of(run), matches) for run in runs for matches in matches_in(run.folder))
     curves = curve_panels(comparison, retrieved)
     if curves.panels:
         for row in curves.lacking:
@@ -64,9 +64,9 @@ def _show_comparison(comparison: Comparison, runs: Sequence[Run], folder: Path) 
         console.print(f"no figure    no {FOLDER}/*.csv of Table I or II in the run folders")
 
 
-def _write_shown(name: str, grid: Grid, folder: Path) -> None:
-    _write(folder / f"{name}.md", markdown([grid]))
-    _write(folder / f"{name}.tex", latex(grid))
+def _write_shown(name: str, table: Table, folder: Path) -> None:
+    _write(folder / f"{name}.md", markdown([table]))
+    _write(folder / f"{name}.tex", latex(table))
 
 
 def _write(path: Path, text: str) -> None:

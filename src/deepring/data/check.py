@@ -1,22 +1,21 @@
 """Check a data set before work starts: read every scan once and report what each session holds."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from deepring.data.readers.formats import detect_format, list_sessions, open_session
-from deepring.data.readers.trajectory import NANOSECONDS
+from deepring.checks import one_of
+from deepring.data.poses.pose_tables import NANOSECONDS
+from deepring.data.readers import detect_format, list_sessions, open_session
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DeepringError
+from deepring.progress import Progress
 
 TIME_GAP_S = 1.0  # drives are recorded at 5 to 10 scans a second
 JUMP_M = 10.0  # between scans that follow each other
 SHOWN = 5  # broken files named in the text
-
-Progress = Callable[[str, int, int], None]
-"""Called after each scan with the session's name, the scans read so far and the scans in all."""
 
 
 @dataclass(frozen=True)
@@ -60,16 +59,16 @@ def check(
 ) -> list[SessionReport]:
     """Read every scan of the sessions in ``root``, one in memory at a time, and report on each.
 
+    ``progress`` is called after each scan with those read of its session and their total.
+
     ``format`` is told from the folder where it is None; ``session`` limits the check to one. A
     session that cannot be opened gets a report with its ``problem``; a folder without any, an
     unknown format or session raises DeepringError.
     """
     format = format or detect_format(root)
     names = list_sessions(format, root)
-    if session is not None and session not in names:
-        raise DeepringError(
-            f"session = {session!r} is not in {root}; expected one of {', '.join(names)}"
-        )
+    if session is not None:
+        one_of("session", session, names)
     return [
         _check_session(format, root, name, progress)
         for name in (names if session is None else [session])
@@ -115,7 +114,7 @@ def _read_all(session: Session, progress: Progress | None) -> tuple[list[int], l
         except BrokenScanError as error:
             broken.append(str(error))
         if progress is not None:
-            progress(session.name, index + 1, len(session))
+            progress(index + 1, len(session))
     return counts, broken
 
 

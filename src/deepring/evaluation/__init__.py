@@ -1,1 +1,1 @@
-"""Metrics, retrieval and the evaluation protocol."""
+"""Queries in, figures out: tasks, look-up, matches, metrics, results, exported descriptors."""

@@ -1,67 +1,41 @@
 """Descriptors on disk: made once, scored many times, on any machine.
 
-One safetensors file a side: tensors, and a header of plain values that says what made them.
-Nothing in it is executed when it is read. A SHA-256 over header and tensors tells an altered file.
+One sealed file per side, with all that is known of how its descriptors were made.
 """
 
-import hashlib
-import json
-import math
-import re
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
-from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save
 
-from deepring.errors import DeepringError
-from deepring.evaluation.fingerprint import as_read_back, digest_of
-from deepring.io.files import write_whole
-
-#: Raise when what a file holds, or what it means, changes.
-FORMAT_VERSION = 1
+from deepring import checks
+from deepring.errors import ConfigError, DataError, FileError
+from deepring.evaluation.case import Case
+from deepring.evaluation.fingerprint import as_read_back
+from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
+from deepring.io.tensor_types import TensorType, check_tensors
 
 SideName = Literal["database", "query"]
 
 #: Of the files' names.
 ENDING = ".safetensors"
 
-#: The key of the header in the file's metadata.
-_KEY = "deepring"
-
-_TENSORS = {"descriptors": np.float32, "positions": np.float64, "indices": np.int64}
+_ARRAYS = {
+    "descriptors": TensorType("float32", ("n", ...)),
+    "positions": TensorType("float64", ("n", 2)),
+    "indices": TensorType("int64", ("n",)),
+    "turns": TensorType("float64", ("n",), optional=True),
+}
 _TEXTS = ("method", "train", "test", "region", "session")
-_WANTED = "expected a descriptor file as evaluate_method(..., export=FOLDER) writes it"
 
 
 @dataclass(frozen=True)
-class Labels:
-    """What descriptors and rows of results are about: the first columns of `Result`."""
+class DescriptorHeader:
+    """All that is known of the descriptors of one side of a retrieval task."""
 
-    method: str
-    train: str
-    test: str
-    region: str
-
-
-@dataclass(frozen=True, eq=False)
-class Descriptors:
-    """The descriptors of one side of a retrieval set, n of them, and all that is known of them.
-
-    Raises DeepringError for an empty set, for arrays of another type or of counts that disagree,
-    for values that are not finite, and for text that a row of results cannot hold.
-    """
-
-    descriptors: NDArray[np.float32]
-    """(n, ...), as the method's ``describe`` gives them."""
-    positions: NDArray[np.float64]
-    """(n, 2) world positions, metres."""
-    indices: NDArray[np.int64]
-    """(n,) numbers of the scans in their session."""
     method: str
     """Its label in tables."""
     train: str
@@ -76,88 +50,101 @@ class Descriptors:
     """z of the ground under the sensor in the scans' frame, metres."""
     seconds_per_scan: float
     """From points to descriptor, measured on the queries when these were exported."""
+
+    @property
+    def case(self) -> Case:
+        """What they are about."""
+        return Case(self.method, self.train, self.test, self.region)
+
+
+@dataclass(frozen=True, eq=False)
+class Descriptors(DescriptorHeader):
+    """The descriptors of one side of a retrieval set, n of them, and all that is known of them.
+
+    Raises ConfigError for a header that a file or a row of results cannot hold, and DataError for
+    an empty set, arrays of another type or of counts that disagree, and values that are not
+    finite.
+    """
+
+    descriptors: NDArray[np.float32]
+    """(n, ...), as the method's ``describe`` gives them."""
+    positions: NDArray[np.float64]
+    """(n, 2) world positions, metres."""
+    indices: NDArray[np.int64]
+    """(n,) numbers of the scans in their session."""
     turns: NDArray[np.float64] | None = None
     """(n,) radians by which the scans were turned; None where they were left as they are."""
 
     def __post_init__(self) -> None:
-        where = f"{self.test}, region {self.region}"
-        if self.side not in get_args(SideName):
-            raise DeepringError(f"side {self.side!r}: expected 'database' or 'query'")
+        checks.one_of("side", self.side, SideName)
         for name in _TEXTS:
             text = getattr(self, name)
             if not (isinstance(text, str) and text.isprintable()):
-                raise DeepringError(f"{name} {text!r}: expected a str without control characters")
-        for name in ("ground_z", "seconds_per_scan"):
-            value = getattr(self, name)
-            if not isinstance(value, (int, float)) or not math.isfinite(value):
-                raise DeepringError(f"{name} {value!r}: expected a finite float")
-        if self.seconds_per_scan < 0:
-            raise DeepringError(f"seconds_per_scan {self.seconds_per_scan}: expected at least 0")
-        if not len(self.descriptors):
-            holds = {"database": "database holds 0 places", "query": "query holds 0 scans"}
-            raise DeepringError(f"{where}: the {holds[self.side]}; expected at least one")
-        for name, array in self.tensors.items():
-            self._check(f"{where}, {self.side}: {name}", name, array)
+                raise ConfigError(f"{name}: {text!r}, expected text without control characters")
+        checks.number("ground_z", self.ground_z, "metres")
+        checks.at_least("seconds_per_scan", self.seconds_per_scan, 0, "seconds")
+        where = f"{self.test}, region {self.region}, {self.side}"
+        try:
+            check_tensors(self.arrays, _ARRAYS)
+        except DataError as error:
+            raise DataError(
+                f"{where}: {error}; convert them, in the method's describe() where it makes them"
+            ) from None
+        if not len(self):
+            scans = "places" if self.side == "database" else "scans"
+            raise DataError(
+                f"{self.test}, region {self.region}: the {self.side} holds 0 {scans}; expected at "
+                "least one"
+            )
+        for name, array in self.arrays.items():
+            bad = int((~np.isfinite(array)).sum())
+            if bad:
+                raise DataError(
+                    f"{where}: {name}: {bad} of {array.size} values are not finite; expected "
+                    "numbers; look for empty scans, or for a training that diverged"
+                )
         object.__setattr__(self, "made_by", as_read_back(self.made_by))
 
     def __len__(self) -> int:
         return len(self.descriptors)
 
     @property
-    def labels(self) -> Labels:
-        """What they are about."""
-        return Labels(self.method, self.train, self.test, self.region)
-
-    @property
-    def tensors(self) -> dict[str, NDArray[Any]]:
+    def arrays(self) -> dict[str, NDArray[Any]]:
         """The arrays by name; ``turns`` where there are any."""
-        arrays = {name: getattr(self, name) for name in _TENSORS}
-        return arrays if self.turns is None else {**arrays, "turns": self.turns}
-
-    def _check(self, where: str, name: str, array: NDArray[Any]) -> None:
-        wanted = np.dtype(_TENSORS.get(name, np.float64))
-        if array.dtype != wanted:
-            raise DeepringError(
-                f"{where} of {array.dtype}: expected {wanted}, which is what files hold; convert "
-                "them, in the method's describe() where it makes them"
-            )
-        n = len(self.descriptors)
-        shapes = {"descriptors": array.shape, "positions": (n, 2)}
-        shape = shapes.get(name, (n,))
-        if array.shape != shape:
-            raise DeepringError(
-                f"{where} of shape {array.shape}: expected {shape}, one for each of the {n} "
-                "descriptors"
-            )
-        bad = int((~np.isfinite(array)).sum())
-        if bad:
-            raise DeepringError(
-                f"{where}: {bad} of {array.size} values are not finite; expected numbers; look "
-                "for empty scans, or for a training that diverged"
-            )
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        return {name: array for name, array in arrays.items() if array is not None}
 
 
-def file_name(labels: Labels, side: SideName) -> str:
-    """'Scan_Context_20x60__sim_nclt__test__query.safetensors': as `Retrievals` are named."""
-    parts = (labels.method, labels.test, labels.region)
-    return "__".join([*(re.sub(r"[^A-Za-z0-9_-]+", "_", part) for part in parts), side]) + ENDING
+FORMAT = SealedFormat(
+    "descriptors",
+    2,
+    DescriptorHeader,
+    _ARRAYS,
+    wanted="descriptors as evaluate_method(..., export=FOLDER) writes them",
+    remedy="export them again",
+)
 
 
-def free_path(folder: Path, labels: Labels, side: SideName) -> Path:
-    """Where a side is written in a folder: to a new file, or in place of one of equal labels.
+def file_name(case: Case, side: SideName) -> str:
+    """'Scan_Context_20x60__sim_nclt__test__query.safetensors': as files of matches are named."""
+    return case.file_name(f"__{side}{ENDING}")
 
-    Raises DeepringError where the file is there and holds something else.
+
+def free_path(folder: Path, case: Case, side: SideName) -> Path:
+    """Where a side is written in a folder: to a new file, or in place of one of an equal case.
+
+    Raises FileError where the file is there and holds something else.
     """
-    path = folder / file_name(labels, side)
+    path = folder / file_name(case, side)
     if not path.exists():
         return path
     try:
-        held = read_descriptors(path).labels
-    except DeepringError as error:
-        raise DeepringError(f"{error}; it lies where descriptors are to be: delete it") from None
-    if held != labels:
-        raise DeepringError(
-            f"{path}: holds the descriptors of {vars(held)}, expected those of {vars(labels)}; "
+        present = read_descriptors(path).case
+    except FileError as error:
+        raise FileError(f"{error}; or delete it: descriptors are written to this path") from None
+    if present != case:
+        raise FileError(
+            f"{path}: holds the descriptors of {present}, expected those of {case}; "
             "give the methods labels that differ in letters or digits, or delete the file"
         )
     return path
@@ -166,75 +153,22 @@ def free_path(folder: Path, labels: Labels, side: SideName) -> Path:
 def write_descriptors(path: str | Path, descriptors: Descriptors) -> None:
     """Write a descriptor file in one step, creating folders as needed.
 
-    Raises DeepringError where the file cannot be written.
+    Raises FileError where the file cannot be written.
     """
-    tensors = {name: np.ascontiguousarray(a) for name, a in descriptors.tensors.items()}
-    plain = [field.name for field in fields(descriptors) if field.name not in tensors]
-    header = {name: getattr(descriptors, name) for name in plain if name != "turns"}
-    header["turned"] = descriptors.turns is not None
-    metadata = {_KEY: _sealed({"version": FORMAT_VERSION, **header}, tensors)}
-    write_whole(Path(path), [save(tensors, metadata)])
+    header = DescriptorHeader(**{f.name: getattr(descriptors, f.name) for f in _HEADER_FIELDS})
+    writable = {name: np.require(a, None, ["C", "W"]) for name, a in descriptors.arrays.items()}
+    write_sealed(path, FORMAT, header, {k: torch.from_numpy(a) for k, a in writable.items()})
 
 
 def read_descriptors(path: str | Path) -> Descriptors:
-    """Read what `write_descriptors` wrote.
+    """Read what `write_descriptors` wrote, every byte verified.
 
-    Raises DeepringError for a file that is missing, no descriptor file, truncated, altered, or of
-    another format version, and for contents that `Descriptors` refuses.
+    Raises FileError for anything else, and for contents that `Descriptors` refuses.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise DeepringError(f"descriptors {path}: no such file; {_WANTED}")
-    try:
-        with safe_open(path, framework="np") as file:
-            header = _header(path, file.metadata() or {})
-            tensors = {name: file.get_tensor(name) for name in sorted(file.keys())}
-        checksum = header.pop("checksum", None)
-        found = _checksum(header, tensors)
-    except (SafetensorError, OSError, TypeError, ValueError, KeyError, AttributeError) as error:
-        raise DeepringError(
-            f"descriptors {path}: {error}; {_WANTED}; this is another file, or it was cut short "
-            "or altered: copy it again, or export again"
-        ) from error
-    if checksum != found:
-        raise DeepringError(
-            f"descriptors {path}: checksum {found}, expected {checksum}, as its header says; the "
-            "file was altered: copy it again, or export again"
-        )
-    contents = {name: value for name, value in header.items() if name not in ("version", "turned")}
-    try:
-        return Descriptors(**contents, **tensors)
-    except DeepringError as error:
-        raise DeepringError(f"descriptors {path}: {error}") from None
-    except TypeError as error:
-        raise DeepringError(f"descriptors {path}: {error}; {_WANTED}") from error
+    file = open_sealed(path, FORMAT, check=True)
+    arrays: dict[str, Any] = {name: tensor.numpy().copy() for name, tensor in file.tensors.items()}
+    with file.contents():
+        return Descriptors(**vars(file.header), **arrays)
 
 
-def _header(path: Path, metadata: Mapping[str, str]) -> dict[str, Any]:
-    """The header, of this format version. Raises DeepringError or ValueError."""
-    if _KEY not in metadata:
-        raise DeepringError(
-            f"descriptors {path}: safetensors without a header of ours (metadata "
-            f"{sorted(metadata)}); {_WANTED}"
-        )
-    header = json.loads(metadata[_KEY])
-    if not isinstance(header, dict):
-        raise ValueError(f"its header is a {type(header).__name__}")
-    version = header.get("version")
-    if version != FORMAT_VERSION:
-        raise DeepringError(
-            f"descriptors {path}: format version {version!r}, expected {FORMAT_VERSION}; export "
-            "again with this version of deepring, or read it with the one that wrote it"
-        )
-    return header
-
-
-def _sealed(header: dict[str, Any], tensors: Mapping[str, NDArray[Any]]) -> str:
-    """The header with its checksum, as JSON."""
-    return json.dumps({**header, "checksum": _checksum(header, tensors)})
-
-
-def _checksum(header: Mapping[str, Any], tensors: Mapping[str, NDArray[Any]]) -> str:
-    """SHA-256 over the header's values, whatever their order, and the tensors."""
-    text = json.dumps(header, sort_keys=True)
-    return hashlib.sha256((text + digest_of(tensors)).encode()).hexdigest()
+_HEADER_FIELDS = fields(DescriptorHeader)

@@ -3,11 +3,12 @@
 from pathlib import Path
 from typing import get_args
 
-from deepring.data.cache import ScanSet
-from deepring.evaluation.described import Described
+from torch import Tensor
+
+from deepring.data.scan_set import ScanSet
+from deepring.evaluation.case import Case
 from deepring.evaluation.descriptors import (
     Descriptors,
-    Labels,
     SideName,
     free_path,
     write_descriptors,
@@ -19,28 +20,30 @@ from deepring.methods.base import Method
 class Export:
     """Both sides in the making; what would fail after the work fails before it.
 
-    Raises DeepringError for a method whose `fingerprint` cannot be taken, and where a file of the
-    name holds something else.
+    Raises ConfigError for a method whose `fingerprint` cannot be taken, and FileError where a file
+    of the name holds something else.
     """
 
-    def __init__(self, folder: Path, labels: Labels, method: Method) -> None:
-        self.labels = labels
+    def __init__(self, folder: Path, case: Case, method: Method) -> None:
+        self.case = case
         self.made_by = fingerprint(method)
-        self.paths = {side: free_path(folder, labels, side) for side in get_args(SideName)}
+        self.paths = {side: free_path(folder, case, side) for side in get_args(SideName)}
         self.sides: list[Descriptors] = []
 
-    def add(self, side: SideName, scans: ScanSet, described: Described, per_scan: float) -> None:
-        """Take a side; ``per_scan`` is the seconds from points to descriptor.
+    def add(self, side: SideName, scans: ScanSet, descriptors: Tensor, per_scan: float) -> None:
+        """Take the descriptors (n, ...) of a side.
 
-        Raises DeepringError for descriptors that a file cannot hold.
+        ``per_scan`` is the seconds from points to descriptor.
+
+        Raises DataError for descriptors that a file cannot hold.
         """
         self.sides.append(
             Descriptors(
-                descriptors=described.descriptors[:].detach().cpu().numpy(),
-                positions=described.positions,
+                descriptors=descriptors.detach().cpu().numpy(),
+                positions=scans.positions,
                 indices=scans.indices,
                 turns=scans.turns,
-                **vars(self.labels),
+                **self.case.columns,
                 side=side,
                 session=scans.session.name,
                 made_by=self.made_by,
@@ -50,6 +53,6 @@ class Export:
         )
 
     def write(self) -> None:
-        """Write the sides that were taken. Raises DeepringError where that cannot be."""
+        """Write the sides that were taken. Raises FileError where that cannot be."""
         for side in self.sides:
             write_descriptors(self.paths[side.side], side)

@@ -1,26 +1,25 @@
 """Retrieval metrics of the evaluation protocol: Recall@K, precision-recall, max-F1 and its AUC.
 
-Each metric is a function on whole matrices and a torchmetrics class that takes queries in batches.
-Both reduce a query to two numbers, its top score and the rank of its first right place, so that
-28 000 queries fit in a few hundred kilobytes.
-
 A retrieval is right when the retrieved place lies within the radius; a query is answerable when
-some database place does. torchmetrics' own retrieval classes mean something else: they drop scores
-that are not positive, and their recall is the share of all right places that were found.
+some database place does. All that counts of a query are its top score and the rank of its first
+right place: `first_right` reduces whole score matrices to them, `first_right_among` the best k
+places at several radii. `recall_of_ranks` and `curve_of_ranks` count from there.
 """
 
 import math
-from collections.abc import Callable
-from typing import Any, Literal
+from collections.abc import Sequence
+from typing import Literal
 
 import torch
 from torch import Tensor
-from torchmetrics import Metric
-from torchmetrics.utilities import dim_zero_cat
 
-from deepring.errors import DeepringError
+from deepring import checks
+from deepring.errors import ConfigError, DataError
 
 Over = Literal["answerable", "all"]  # the queries that Recall@K is a share of
+
+#: The rank of a first right place that lies behind the places that are kept.
+BEHIND = torch.iinfo(torch.int64).max
 
 
 def first_right(scores: Tensor, distances: Tensor, radius: float) -> tuple[Tensor, Tensor]:
@@ -35,12 +34,13 @@ def first_right(scores: Tensor, distances: Tensor, radius: float) -> tuple[Tenso
         Top score (q,) float32, and rank (q,) int64, counted from 1; 0 where unanswerable.
 
     Raises:
-        DeepringError: shapes that differ, an empty database, NaN, or a negative distance.
+        ConfigError: a radius that is no length.
+        DataError: shapes that differ, an empty database, NaN, or a negative distance.
 
     >>> first_right(torch.tensor([[0.9, 0.5]]), torch.tensor([[40.0, 3.0]]), radius=10.0)
     (tensor([0.9000]), tensor([2]))
     """
-    _check_radius(radius)
+    check_radius(radius)
     _check_pair(scores, distances)
     right = distances <= radius
     best_right = scores.masked_fill(~right, -math.inf).amax(dim=1, keepdim=True)
@@ -50,6 +50,35 @@ def first_right(scores: Tensor, distances: Tensor, radius: float) -> tuple[Tenso
     ahead = (scores > best_right) | ((scores == best_right) & earlier)
     rank = torch.where(right.any(dim=1), ahead.sum(dim=1) + 1, 0)
     return scores.amax(dim=1).float(), rank
+
+
+def first_right_among(distances: Tensor, nearest: Tensor, radii: Sequence[float]) -> Tensor:
+    """Ranks (r, q) int64 of the first right place among each query's best k, for r radii at once.
+
+    Counted from 1; `BEHIND` where all right places lie behind the best k, so that no Recall@K
+    counts them; 0 where the query is unanswerable.
+
+    Args:
+        distances: (q, k) metres from each query to its best places, best first.
+        nearest: (q,) metres from each query to the nearest place of the whole database.
+        radii: r revisit radii in metres; a place at exactly this distance is right.
+
+    Raises:
+        ConfigError: a radius that is no length.
+        DataError: shapes that differ.
+
+    >>> first_right_among(torch.tensor([[40.0, 3.0]]), torch.tensor([3.0]), (2.0, 10.0, 50.0)).T
+    tensor([[0, 2, 1]])
+    """
+    if distances.ndim != 2 or nearest.shape != distances.shape[:1]:
+        raise DataError(
+            f"distances {tuple(distances.shape)} and nearest {tuple(nearest.shape)}: expected "
+            "(queries, k) and (queries,); pass both for the same queries"
+        )
+    within = torch.tensor([check_radius(radius) for radius in radii], dtype=torch.float32)
+    right = distances <= within[:, None, None]
+    behind = torch.where(nearest <= within[:, None], BEHIND, 0)
+    return torch.where(right.any(dim=2), right.int().argmax(dim=2) + 1, behind)
 
 
 def recall_at_k(
@@ -66,7 +95,8 @@ def recall_at_k(
         0-dimensional float32 in [0, 1].
 
     Raises:
-        DeepringError: as ``first_right``; a bad ``k`` or ``over``; no answerable query.
+        ConfigError: a radius that is no length, a bad ``k`` or ``over``.
+        DataError: as ``first_right``; no answerable query.
 
     >>> scores, distances = torch.tensor([[0.1], [0.9]]), torch.tensor([[4.0], [60.0]])
     >>> recall_at_k(scores, distances, k=1, radius=10.0)
@@ -74,8 +104,7 @@ def recall_at_k(
     >>> recall_at_k(scores, distances, k=1, radius=10.0, over="all")
     tensor(0.5000)
     """
-    _check_share(k, over)
-    return _recall(first_right(scores, distances, radius)[1], k, radius, over)
+    return recall_of_ranks(first_right(scores, distances, radius)[1], k, radius, over)
 
 
 def place_precision_recall(
@@ -83,7 +112,7 @@ def place_precision_recall(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Precision and recall at every distinct top score, the highest threshold first.
 
-    One decision a query: its top place is accepted when its score reaches the threshold. Accepted
+    One decision per query: its top place is accepted when its score reaches the threshold. Accepted
     and right is a true positive; accepted and wrong a false positive, answerable or not; rejected
     although a right place exists a false negative; rejected otherwise a true negative (protocol).
     Recall is 0 while nothing right is accepted, never falls, and ends at 1 unless every retrieval
@@ -98,7 +127,7 @@ def place_precision_recall(
     >>> place_precision_recall(scores, distances, radius=10.0)
     (tensor([0.0000, 0.5000]), tensor([0., 1.]), tensor([0.9000, 0.1000]))
     """
-    return _curve(*first_right(scores, distances, radius), radius)
+    return curve_of_ranks(*first_right(scores, distances, radius), radius)
 
 
 def max_f1(scores: Tensor, distances: Tensor, radius: float) -> Tensor:
@@ -136,118 +165,16 @@ def area_under(precision: Tensor, recall: Tensor) -> Tensor:
     return torch.trapezoid(torch.cat([precision[:1], precision]), torch.cat([anchor, recall]))
 
 
-class _PlaceMetric(Metric):
-    """Top score and first right rank of every query; metrics of one radius share them."""
-
-    is_differentiable = False
-    higher_is_better = True
-    full_state_update = False
-
-    scores: list[Tensor]
-    ranks: list[Tensor]
-
-    def __init__(self, radius: float, **kwargs: Any) -> None:
-        super().__init__(**kwargs)
-        _check_radius(radius)
-        self.radius = float(radius)
-        # A process that saw no query contributes an empty tensor of the metric's dtype, and
-        # what is gathered must agree: float32 for all states, whatever torch's default is.
-        self.set_dtype(torch.float32)
-        self.add_state("scores", default=[], dist_reduce_fx="cat")
-        self.add_state("ranks", default=[], dist_reduce_fx="cat")
-        # A MetricCollection merges metrics whose states look alike after the first batch. This
-        # state keeps two radii apart whose ranks happen to agree there.
-        self.add_state("shared_radius", torch.tensor(self.radius), dist_reduce_fx="max")
-
-    def update(self, scores: Tensor, distances: Tensor) -> None:
-        """Take a batch of queries: scores and distances (q, d); see ``first_right``."""
-        top, rank = first_right(scores, distances, self.radius)
-        self.scores.append(top)
-        self.ranks.append(rank.float())  # exact up to 2^24 places
-
-    def _queries(self) -> tuple[Tensor, Tensor]:
-        if not len(self.ranks):
-            return torch.zeros(0), torch.zeros(0)
-        return dim_zero_cat(self.scores), dim_zero_cat(self.ranks)
-
-
-class RecallAtK(_PlaceMetric):
-    """``recall_at_k`` over batches of queries; arguments and errors as there.
-
-    ``compute`` raises where no query is answerable, as does calling the metric on such a batch.
-
-    >>> metric = RecallAtK(k=1, radius=10.0)
-    >>> metric.update(torch.tensor([[0.9, 0.5]]), torch.tensor([[40.0, 3.0]]))
-    >>> metric.update(torch.tensor([[0.1, 0.3]]), torch.tensor([[60.0, 8.0]]))
-    >>> metric.compute()
-    tensor(0.5000)
-    """
-
-    def __init__(self, k: int, radius: float, over: Over = "answerable", **kwargs: Any) -> None:
-        super().__init__(radius, **kwargs)
-        _check_share(k, over)
-        self.k = k
-        self.over: Over = over
-
-    def compute(self) -> Tensor:
-        """Recall@K of all queries so far, 0-dimensional float32."""
-        return _recall(self._queries()[1], self.k, self.radius, self.over)
-
-
-class PlacePrecisionRecall(_PlaceMetric):
-    """``place_precision_recall`` over batches of queries; arguments and errors as there.
-
-    >>> metric = PlacePrecisionRecall(radius=10.0)
-    >>> metric.update(torch.tensor([[0.1], [0.9]]), torch.tensor([[4.0], [60.0]]))
-    >>> metric.compute()
-    (tensor([0.0000, 0.5000]), tensor([0., 1.]), tensor([0.9000, 0.1000]))
-    """
-
-    def compute(self) -> tuple[Tensor, Tensor, Tensor]:
-        """Precision, recall and thresholds (t,), the highest threshold first."""
-        return _curve(*self._queries(), self.radius)
-
-    def _wrap_compute(self, compute: Callable) -> Callable:
-        # torchmetrics squeezes values of one element, but a curve of one point is still a curve
-        squeezed = super()._wrap_compute(compute)
-        return lambda: tuple(values.reshape(-1) for values in squeezed())
-
-
-class MaxF1(_PlaceMetric):
-    """``max_f1`` over batches of queries; arguments and errors as there.
-
-    >>> metric = MaxF1(radius=10.0)
-    >>> metric.update(torch.tensor([[0.1], [0.9]]), torch.tensor([[4.0], [60.0]]))
-    >>> metric.compute()
-    tensor(0.6667)
-    """
-
-    def compute(self) -> Tensor:
-        """Highest F1 of all queries so far, 0-dimensional float32."""
-        return f1_along(*_curve(*self._queries(), self.radius)[:2]).amax()
-
-
-class PlaceAUC(_PlaceMetric):
-    """``place_auc`` over batches of queries; arguments and errors as there.
-
-    >>> metric = PlaceAUC(radius=10.0)
-    >>> metric.update(torch.tensor([[0.1], [0.9]]), torch.tensor([[4.0], [60.0]]))
-    >>> metric.compute()
-    tensor(0.2500)
-    """
-
-    def compute(self) -> Tensor:
-        """Area under the curve of all queries so far, 0-dimensional float32."""
-        return area_under(*_curve(*self._queries(), self.radius)[:2])
-
-
-def _recall(ranks: Tensor, k: int, radius: float, over: Over) -> Tensor:
+def recall_of_ranks(ranks: Tensor, k: int, radius: float, over: Over = "answerable") -> Tensor:
+    """``recall_at_k`` of the ranks (q,) that `first_right` or `first_right_among` gave."""
+    check_share(k, over)
     answerable = _count_answerable(ranks, radius)
-    found = ((ranks > 0) & (ranks <= k)).sum()
-    return found.float() / (answerable if over == "answerable" else len(ranks))
+    right = ((ranks > 0) & (ranks <= k)).sum()
+    return right.float() / (answerable if over == "answerable" else len(ranks))
 
 
-def _curve(top: Tensor, ranks: Tensor, radius: float) -> tuple[Tensor, Tensor, Tensor]:
+def curve_of_ranks(top: Tensor, ranks: Tensor, radius: float) -> tuple[Tensor, Tensor, Tensor]:
+    """``place_precision_recall`` of the top scores (q,) and the ranks (q,) of `first_right`."""
     answerable = _count_answerable(ranks, radius)
     top, order = top.sort(descending=True)
     last_of_equals = torch.cat([top[1:] != top[:-1], top.new_ones(1, dtype=torch.bool)])
@@ -262,7 +189,7 @@ def _curve(top: Tensor, ranks: Tensor, radius: float) -> tuple[Tensor, Tensor, T
 def _count_answerable(ranks: Tensor, radius: float) -> int:
     answerable = int((ranks > 0).sum())
     if not answerable:
-        raise DeepringError(
+        raise DataError(
             f"radius {radius:g} m: 0 of {len(ranks)} queries have a database place within it; "
             "expected at least one; widen it, or check that both cover the same ground"
         )
@@ -271,26 +198,26 @@ def _count_answerable(ranks: Tensor, radius: float) -> int:
 
 def _check_pair(scores: Tensor, distances: Tensor) -> None:
     if scores.ndim != 2 or scores.shape != distances.shape or not scores.shape[1]:
-        raise DeepringError(
+        raise DataError(
             f"scores {tuple(scores.shape)} and distances {tuple(distances.shape)}: expected both "
             "(queries, database), with a database of at least one place; pass one of each a pair"
         )
     bad = int(scores.isnan().sum())
     if bad or not scores.is_floating_point():
         kind = str(scores.dtype).removeprefix("torch.")
-        raise DeepringError(f"scores: {kind}, {bad} NaN; expected floats; look for empty scans")
+        raise DataError(f"scores: {kind}, {bad} NaN; expected floats; look for empty scans")
     bad = int((~(distances >= 0)).sum())
     if bad:
-        raise DeepringError(f"distances: {bad} negative or NaN; expected metres; check the poses")
+        raise DataError(f"distances: {bad} negative or NaN; expected metres; check the poses")
 
 
-def _check_radius(radius: float) -> None:
-    if not 0 < radius < math.inf:
-        raise DeepringError(f"radius {radius}: expected metres, positive and finite, such as 10.0")
+def check_radius(radius: float) -> float:
+    """The radius, if it is a length in metres. Raises ConfigError otherwise."""
+    return checks.positive("radius", radius, "metres")
 
 
-def _check_share(k: int, over: str) -> None:
+def check_share(k: int, over: str) -> None:
+    """Raise ConfigError unless ``k`` is a whole number from 1 on and ``over`` an `Over`."""
     if k < 1 or k != int(k):
-        raise DeepringError(f"k {k}: expected a whole number of places, at least 1")
-    if over not in ("answerable", "all"):
-        raise DeepringError(f"over {over!r}: expected 'answerable' or 'all'")
+        raise ConfigError(f"k: {k}, expected a whole number of places, at least 1")
+    checks.one_of("over", over, Over)

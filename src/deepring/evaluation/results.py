@@ -1,4 +1,4 @@
-"""One line a result: a method, trained on one dataset, tested on a region of another."""
+"""Results of evaluations, one per line of a CSV file: a case, a radius, and what was reached."""
 
 import csv
 import math
@@ -7,21 +7,19 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 from deepring.errors import DeepringError
+from deepring.evaluation.case import Case
 from deepring.io.files import replacing
 
 
 @dataclass(frozen=True)
 class Result:
-    """What one method reaches at one revisit radius (protocol: Metrics). One row of the CSV file.
+    """What one case reaches at one revisit radius (protocol: Metrics). One row of the CSV file.
 
     Rates lie in [0, 1]; ``recall_1`` and ``recall_5`` are shares of the answerable queries.
     Raises DeepringError for a value out of its range or of another type.
     """
 
-    method: str
-    train: str  # dataset it was trained on; empty for a method without training
-    test: str
-    region: str
+    case: Case
     radius_m: float
     database: int  # places
     queries: int
@@ -34,12 +32,11 @@ class Result:
     seconds_per_query: float  # search of the whole database
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not _fits(field.name, value):
+        for name in _NUMBERS:
+            value = getattr(self, name)
+            if not _fits(name, value):
                 raise DeepringError(
-                    f"{field.name} {value!r} ({type(value).__name__}): expected "
-                    f"{_expected(field.name)}"
+                    f"{name} {value!r} ({type(value).__name__}): expected {_expected(name)}"
                 )
         if self.answerable > self.queries:
             raise DeepringError(
@@ -47,8 +44,9 @@ class Result:
             )
 
 
-COLUMNS = tuple(field.name for field in fields(Result))
-_TEXT = ("method", "train", "test", "region")
+_TEXT = tuple(field.name for field in fields(Case))
+_NUMBERS = tuple(field.name for field in fields(Result) if field.name != "case")
+COLUMNS = _TEXT + _NUMBERS
 _COUNTS = ("database", "queries", "answerable")
 _RATES = ("recall_1", "recall_5", "f1_max", "auc")
 
@@ -62,7 +60,7 @@ def write_results(path: str | Path, results: Iterable[Result]) -> None:
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
-        writer.writerows(astuple(result) for result in results)
+        writer.writerows([*astuple(result)[0], *astuple(result)[1:]] for result in results)
 
 
 def read_results(path: str | Path) -> list[Result]:
@@ -98,22 +96,20 @@ def _parse(path: Path, line: int, row: list[str]) -> Result:
     where = f"results {path}, line {line}"
     if len(row) != len(COLUMNS):
         raise DeepringError(f"{where}: {len(row)} values; expected {len(COLUMNS)}, as the header")
-    values: list[str | int | float] = []
-    for name, text in zip(COLUMNS, row, strict=True):
-        kind = str if name in _TEXT else int if name in _COUNTS else float
+    texts, numbers = row[: len(_TEXT)], row[len(_TEXT) :]
+    values: list[int | float] = []
+    for name, text in zip(_NUMBERS, numbers, strict=True):
         try:
-            values.append(kind(text))
+            values.append(int(text) if name in _COUNTS else float(text))
         except ValueError:
             raise DeepringError(f"{where}: {name} {text!r}: expected {_expected(name)}") from None
     try:
-        return Result(*values)  # type: ignore[arg-type]  # each has its column's type
+        return Result(Case(*texts), *values)  # type: ignore[arg-type]  # each of its column's type
     except DeepringError as error:
         raise DeepringError(f"{where}: {error}") from None
 
 
 def _fits(name: str, value: object) -> bool:
-    if name in _TEXT:
-        return isinstance(value, str) and value.isprintable()
     if name in _COUNTS:
         return isinstance(value, int) and value >= 0
     if not isinstance(value, (int, float)):
@@ -124,8 +120,6 @@ def _fits(name: str, value: object) -> bool:
 
 
 def _expected(name: str) -> str:
-    if name in _TEXT:
-        return "a str without control characters"
     if name in _COUNTS:
         return "an int >= 0"
     if name in _RATES:

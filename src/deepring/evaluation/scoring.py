@@ -1,19 +1,23 @@
 """Scoring exported descriptors: the protocol's look-up, without scans, images or weights."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
+from torch import Tensor
 
-from deepring.data.cache import Progress
 from deepring.errors import DataError, FileError
-from deepring.evaluation.described import Described
+from deepring.evaluation.counting import Seconds, count
 from deepring.evaluation.descriptors import ENDING, Descriptors, read_descriptors
+from deepring.evaluation.distances import nearest_distances
 from deepring.evaluation.fingerprint import fingerprint, first_difference
-from deepring.evaluation.protocol import RADII, Outcome, check_answerable, score_sides
+from deepring.evaluation.look_up import fill_index, look_up
+from deepring.evaluation.matches import TopMatches
+from deepring.evaluation.protocol import BATCH, RADII, Outcome, check_answerable
 from deepring.methods.base import Method, rebuild_method
+from deepring.progress import Progress
 
 #: The folder of a run that holds its descriptors.
 FOLDER = "descriptors"
@@ -39,11 +43,13 @@ def score_descriptors(
     """
     _check_pair(query, database)
     _check_method(method, query)
-    check_answerable(query.labels, query, database, radii)
-    sides = (_described(query), _described(database))
-    return score_sides(
-        query.labels, method, *sides, radii, query.seconds_per_scan, device, progress
-    )
+    nearest = nearest_distances(query, database)
+    check_answerable(query.case, nearest, radii)
+    index = fill_index(method, _batches(database, device))
+    hits, per_query = look_up(index, _batches(query, device, progress))
+    matches = TopMatches.of_hits(query.case, query, database, hits, nearest)
+    seconds = Seconds(query.seconds_per_scan, per_query)
+    return Outcome(matches, count(matches, radii, len(database), seconds))
 
 
 @dataclass(frozen=True)
@@ -116,10 +122,16 @@ def score_pair(
         ) from error
 
 
-def _described(descriptors: Descriptors) -> Described:
+def _batches(
+    side: Descriptors, device: torch.device | None, progress: Progress | None = None
+) -> Iterator[Tensor]:
+    """The descriptors of a side as the evaluation looks them up."""
     # A copy in torch's own memory: on other alignments sums come out otherwise in the last digit.
-    copied = torch.tensor(np.ascontiguousarray(descriptors.descriptors))
-    return Described(copied, descriptors.positions)
+    descriptors = torch.tensor(np.ascontiguousarray(side.descriptors))
+    for start in range(0, len(side), BATCH):
+        yield descriptors[start : start + BATCH].to(device)
+        if progress is not None:
+            progress(min(start + BATCH, len(side)), len(side))
 
 
 def _check_pair(query: Descriptors, database: Descriptors) -> None:
@@ -131,7 +143,7 @@ def _check_pair(query: Descriptors, database: Descriptors) -> None:
                 f"{descriptors.side}'s; expected one of each; exchange them"
             )
     ours, theirs = (
-        {"made_by": side.made_by, **vars(side.labels), "shape": list(side.descriptors.shape[1:])}
+        {"made_by": side.made_by, **side.case.columns, "shape": list(side.descriptors.shape[1:])}
         for side in (query, database)
     )
     difference = first_difference(ours, theirs)

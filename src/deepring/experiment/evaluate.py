@@ -6,18 +6,15 @@ from typing import cast
 
 from matplotlib.figure import Figure
 
-from deepring.data.cache import load_rasters
 from deepring.data.dataset import RetrievalSet
-from deepring.evaluation.protocol import Outcome, Side, Task, evaluate_method
+from deepring.evaluation.look_up import BEST
+from deepring.evaluation.matches import write_matches
+from deepring.evaluation.protocol import Outcome, evaluate_method
 from deepring.evaluation.reranked import evaluate_reranked
 from deepring.evaluation.results import Result, write_results
-from deepring.evaluation.retrievals import write_retrievals
 from deepring.evaluation.scoring import FOLDER as DESCRIPTORS
-from deepring.experiment import build
-from deepring.experiment.config import (
-    Config,
-    counted_over,
-)
+from deepring.evaluation.task import RetrievalTask, load_task
+from deepring.experiment.config import EvaluationSettings
 from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.pictures import evaluation_figures
 from deepring.experiment.plan import Plan
@@ -28,139 +25,100 @@ from deepring.progress import progress_bar
 from deepring.rasters import BevRaster, Raster
 from deepring.reports.results_table import markdown, markdown_radii
 from deepring.reports.style import save
-from deepring.reports.tensorboard_events import add_descriptors, write_board
+from deepring.reports.tensorboard_events import add_descriptors, write_events
 
 log = logging.getLogger(__name__)
 
-Evaluated = list[tuple[Outcome, Task]]
-"""What the methods made of one split, and what each was shown."""
 
-
-def evaluate(cfg: Config, folder: Path, plan: Plan) -> list[Result]:
-    """Evaluate the planned methods on each split; one row a radius.
+def evaluate(plan: Plan, folder: Path) -> list[Result]:
+    """Evaluate the planned methods on each split; one result per radius.
 
     Writes ``results.csv``, ``results.md``, ``retrievals/``, pictures and TensorBoard events below
     ``folder``.
     """
-    outcomes = {
-        (split.name, split.region): evaluate_split(cfg, folder, plan, split)
-        for split in plan.splits
-        if plan.methods(split)
-    }
-    results = [row for of in outcomes.values() for outcome, _ in of for row in outcome.results]
+    outcomes = [
+        (split, evaluate_split(plan, folder, split)) for split in plan.splits if plan.methods(split)
+    ]
+    results = [result for _, of in outcomes for outcome in of for result in outcome.results]
     write_results(folder / "results.csv", results)
-    over = counted_over(cfg)
-    tables = [markdown(results, cfg.evaluation.radii[0], over), markdown_radii(results, over)]
+    over = plan.evaluation.counted_over
+    tables = [markdown(results, plan.evaluation.radii[0], over), markdown_radii(results, over)]
     (folder / "results.md").write_text("\n".join(tables))
-    _draw(cfg, folder, plan, outcomes)
+    _show(plan, folder, outcomes)
     return results
 
 
-def evaluate_split(cfg: Config, folder: Path, plan: Plan, split: RetrievalSet) -> Evaluated:
-    """What each method makes of one split, and what it was shown."""
-    evaluated: Evaluated = []
-    tasks: dict[Raster, Task] = {}  # methods of one raster share its images
+def evaluate_split(plan: Plan, folder: Path, split: RetrievalSet) -> list[Outcome]:
+    """The outcome of each method on one split; best places are written to ``retrievals/``."""
+    outcomes: list[Outcome] = []
+    tasks: dict[Raster, RetrievalTask] = {}  # methods of one raster share its images
+
+    def task_in(raster: Raster) -> RetrievalTask:
+        if raster not in tasks:
+            tasks[raster] = load_task(plan.cache, split, raster)
+        return tasks[raster]
+
     for name, method in plan.methods(split).items():
-        if method.raster not in tasks:
-            tasks[method.raster] = load_task(cfg, split, method.raster)
-        task = tasks[method.raster]
         train = plan.trained_on if method is plan.network else ""
-        where = f"{split.name} {split.region}"
-        log.info(
-            "%s, %s: %d queries in %d places", name, where, len(task.query), len(task.database)
-        )
-        export = folder / DESCRIPTORS if cfg.evaluation.descriptors else None
-        with progress_bar(f"{name}, {where}: describing and looking up") as bar:
-            outcome = evaluate_method(
-                name, method, task, cfg.evaluation.radii, train, build.device(cfg), bar, export
-            )
-        keep_retrievals(folder, outcome, task)
-        evaluated.append((outcome, task))
-        evaluated += reranked(cfg, folder, split, outcome, method, task, tasks)
-    return evaluated
+        outcome = _evaluate_alone(plan, folder, name, train, method, task_in(method.raster))
+        outcomes.append(outcome)
+        if plan.evaluation.rerank:
+            outcomes += _reranked(plan.evaluation, outcome, task_in(BevRaster()))
+    for outcome in outcomes:
+        write_matches(folder, outcome.matches)
+    return outcomes
 
 
-def reranked(
-    cfg: Config,
-    folder: Path,
-    split: RetrievalSet,
-    outcome: Outcome,
-    method: Method,
-    task: Task,
-    tasks: dict[Raster, Task],
-) -> Evaluated:
-    """The same method with its best candidates aligned, as ``evaluation.rerank`` asks for."""
-    modes = cfg.evaluation.rerank
-    if not modes:
-        return []
-    above = BevRaster()
-    if above not in tasks:
-        tasks[above] = load_task(cfg, split, above)
-    settings = RerankSettings(candidates=cfg.evaluation.candidates)
-    with progress_bar(f"{outcome.method}: aligning candidates") as bar:
-        further = evaluate_reranked(
-            outcome,
+def _evaluate_alone(
+    plan: Plan, folder: Path, name: str, train: str, method: Method, task: RetrievalTask
+) -> Outcome:
+    case = task.case(name, train)
+    log.info("%s: %d queries in %d places", case, len(task.query), len(task.database))
+    with progress_bar(f"{name}, {case.place}: describing and looking up") as bar:
+        return evaluate_method(
+            case,
             method,
             task,
-            tasks[above],
-            cast("list[Rerank]", modes),
-            settings,
-            build.device(cfg),
-            bar,
+            plan.evaluation.radii,
+            best=max(BEST, plan.evaluation.candidates) if plan.evaluation.rerank else BEST,
+            device=plan.device,
+            progress=bar,
+            export=folder / DESCRIPTORS if plan.evaluation.descriptors else None,
         )
-    for one in further:
-        keep_retrievals(folder, one, task)
-    return [(one, task) for one in further]
 
 
-def keep_retrievals(folder: Path, outcome: Outcome, task: Task) -> None:
-    """Write each query's best place."""
-    first = outcome.results[0]
-    write_retrievals(
-        folder,
-        *(outcome.method, first.train, first.test, first.region),
-        outcome.retrieved,
-        task.query.scans.indices,
-        task.database.scans.indices,
-    )
+def _reranked(
+    evaluation: EvaluationSettings, outcome: Outcome, task: RetrievalTask
+) -> list[Outcome]:
+    """The same method with its best candidates aligned, as ``evaluation.rerank`` asks for."""
+    modes = cast("list[Rerank]", evaluation.rerank)
+    settings = RerankSettings(candidates=evaluation.candidates)
+    with progress_bar(f"{outcome.case.method}: aligning candidates") as bar:
+        return evaluate_reranked(outcome, task, modes, settings, bar)
 
 
-def _draw(
-    cfg: Config, folder: Path, plan: Plan, outcomes: dict[tuple[str, str], Evaluated]
-) -> None:
-    """Pictures, in a folder a split where there are several, and TensorBoard."""
+def _show(plan: Plan, folder: Path, outcomes: list[tuple[RetrievalSet, list[Outcome]]]) -> None:
+    """Pictures, in one folder per split where there are several, and TensorBoard."""
     if plan.network is not None:
         plan.network.cpu()
     figures: dict[str, Figure] = {}
-    for split in plan.splits:
-        of = outcomes.get((split.name, split.region))
-        if of is None or not cfg.evaluation.figures:
-            continue
+    for split, of in outcomes if plan.evaluation.figures else []:
         prefix = f"{split.name}_{split.region}/" if len(outcomes) > 1 else ""
-        drawn = evaluation_figures(of, split, plan.network, counted_over(cfg))
+        drawn = evaluation_figures(of, split, plan.network, plan.evaluation.counted_over)
         figures |= {prefix + name: figure for name, figure in drawn.items()}
     for name, figure in figures.items():
         save(figure, folder / "figures" / f"{name}.png")
-    board = folder / "tensorboard"
-    everything = [outcome for of in outcomes.values() for outcome, _ in of]
-    write_board(board, everything, figures, hyperparameters(cfg))
-    shown = next((task for of in outcomes.values() for o, task in of if o.results[0].train), None)
-    if plan.network is not None and shown is not None:
-        add_database_embedding(board, plan.network, shown)
+    events = folder / "tensorboard"
+    everything = [outcome for _, of in outcomes for outcome in of]
+    write_events(events, everything, figures, hyperparameters(plan.record))
+    tested = [split for split, of in outcomes if any(outcome.case.train for outcome in of)]
+    if plan.network is not None and tested:
+        task = load_task(plan.cache, tested[0], plan.network.raster)
+        add_database_embedding(events, plan.network, task)
 
 
-def load_task(cfg: Config, split: RetrievalSet, raster: Raster) -> Task:
-    """The images of both sides as a method wants them, from the cache where they are there."""
-    cache = build.raster_cache(cfg)
-    sides = [
-        Side(*load_rasters(cache, scans, raster, f"{split.name} {split.region}: {what}"))
-        for scans, what in ((split.database, "database"), (split.query, "queries"))
-    ]
-    return Task(split.name, split.region, *sides)
-
-
-def add_database_embedding(board: Path, network: Method, task: Task) -> None:
+def add_database_embedding(events: Path, network: Method, task: RetrievalTask) -> None:
     """The database's descriptors for TensorBoard's projector, labelled by position."""
-    descriptors = describe_all(network, task.database.rasters).cpu()
-    labels = [f"{x:.0f}, {y:.0f}" for x, y in task.database.scans.ground_truth]
-    add_descriptors(board, descriptors, labels)
+    descriptors = describe_all(network, task.database).cpu()
+    labels = [f"{x:.0f}, {y:.0f}" for x, y in task.scans.database.ground_truth]
+    add_descriptors(events, descriptors, labels)

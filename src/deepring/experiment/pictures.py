@@ -1,6 +1,7 @@
 """The pictures of an evaluation, as PNG files and as figures for TensorBoard."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -11,10 +12,13 @@ from torch import Tensor
 from deepring.core.correlation import correlation_curves
 from deepring.core.radon import radon
 from deepring.core.rigid import turn_points
-from deepring.data.cache import ScanSet
 from deepring.data.dataset import RetrievalSet
+from deepring.data.scan_set import ScanSet
+from deepring.evaluation.counting import precision_recall
+from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.metrics import Over
-from deepring.evaluation.protocol import Outcome, Task
+from deepring.evaluation.protocol import Outcome
+from deepring.evaluation.task import rows_of
 from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network import NetworkMethod
@@ -29,38 +33,47 @@ TWIN_TURN = 100.0
 
 
 def evaluation_figures(
-    outcomes: list[tuple[Outcome, Task]],
-    split: RetrievalSet,
+    outcomes: Sequence[Outcome],
+    scans: RetrievalSet,
     network: NetworkMethod | None,
     over: Over,
 ) -> dict[str, Figure]:
-    """PR curves, recall against radius, a hit/miss map a method, and sample sinograms."""
-    radius = outcomes[0][0].results[0].radius_m
-    rows = [row for outcome, _ in outcomes for row in outcome.results]
-    curves = {outcome.method: outcome.curve[:2] for outcome, _ in outcomes}
+    """PR curves, recall against radius, one map of hits per method, and sample sinograms.
+
+    ``scans`` are those that all methods were evaluated on.
+    """
+    radius = outcomes[0].results[0].radius_m
+    rows = [row for outcome in outcomes for row in outcome.results]
+    curves = {o.case.method: precision_recall(o.matches, radius)[:2] for o in outcomes}
     figures = {
         "pr_curves": precision_recall_figure(curves, radius),
         "recall_by_radius": recall_radius_figure(rows, over),
     }
-    for outcome, task in outcomes:
-        found = outcome.retrieved
-        axes = split.query.session.axes
-        north_up = -1 if axes[0] == "north" else 1
-        across, up = axes[::north_up]
-        figures[f"hits_{outcome.method.replace(' ', '_')}"] = trajectory_figure(
-            task.database.scans.ground_truth[:, ::north_up],
-            task.query.scans.ground_truth[:, ::north_up],
-            found.distance <= radius,
-            found.nearest <= radius,
-            f"{outcome.method}: top-1 within {radius:g} m, {task.test} {task.region} region",
-            (across, up),
-        )
+    for outcome in outcomes:
+        name = f"hits_{outcome.case.method.replace(' ', '_')}"
+        figures[name] = hits_figure(outcome.matches, scans, radius)
     sees_bev = network is not None and isinstance(network.raster, BevRaster)
     method: Method = network if network is not None and sees_bev else Ring()
-    readable = outcomes[0][1].query.scans
-    for k in np.linspace(0, len(readable) - 1, 3).astype(int):
-        figures[f"sinogram_{k:04d}"] = twin_figure(method, readable, int(k))
+    readable = rows_of(scans.query, outcomes[0].matches.query)
+    for number in np.linspace(0, len(readable) - 1, 3).astype(int):
+        figures[f"sinogram_{number:04d}"] = twin_figure(method, scans.query, int(readable[number]))
     return figures
+
+
+def hits_figure(matches: TopMatches, scans: RetrievalSet, radius: float) -> Figure:
+    """Where the best place was within the radius (metres) and where not."""
+    axes = scans.query.session.axes
+    north_up = -1 if axes[0] == "north" else 1
+    across, up = axes[::north_up]
+    case = matches.case
+    return trajectory_figure(
+        scans.database.ground_truth[:, ::north_up],
+        scans.query.ground_truth[rows_of(scans.query, matches.query), ::north_up],
+        matches.distance[:, 0] <= radius,
+        matches.nearest <= radius,
+        f"{case.method}: top-1 within {radius:g} m, {case.place} region",
+        (across, up),
+    )
 
 
 def twin_figure(method: Method, scans: ScanSet, k: int) -> Figure:
@@ -87,5 +100,11 @@ def twin_figure(method: Method, scans: ScanSet, k: int) -> Figure:
         curve.numpy(),
         raster.extent,
         TWIN_TURN,
-        180.0 if isinstance(method, DeepRing) and method.settings.theta_range == "half" else 360.0,
+        period_of(method),
     )
+
+
+def period_of(method: Method) -> float:
+    """Degrees after which the method's sinograms repeat themselves."""
+    half = isinstance(method, DeepRing) and method.settings.representation.theta_range == "half"
+    return 180.0 if half else 360.0

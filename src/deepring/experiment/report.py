@@ -8,20 +8,21 @@ import torch
 from omegaconf import OmegaConf
 
 from deepring.core.correlation import correlation_curves
-from deepring.data.cache import Rasters, ScanSet
+from deepring.data.cache import RasterCache
 from deepring.data.dataset import RetrievalSet
 from deepring.errors import DeepringError
+from deepring.evaluation.matches import TopMatches, matches_in
 from deepring.evaluation.results import Result, read_results
-from deepring.evaluation.retrievals import Retrievals, retrievals_in
+from deepring.evaluation.task import load_task, rows_of
 from deepring.experiment.config import Config, check_config
-from deepring.experiment.evaluate import load_task
+from deepring.experiment.pictures import period_of
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.run_folder import read_config
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import SHIPPED
 from deepring.rasters import BevRaster
 from deepring.reports import html
-from deepring.reports.failures import Shown, failure_figure
+from deepring.reports.failures import ScanView, failure_figure
 
 #: Figures by the beginning of their files' names, in the order they are shown, with captions.
 FIGURES = {
@@ -54,7 +55,7 @@ def report(run: Path, failures: int = 6) -> str:
         html.heading("The worst failures"),
         *_failures(run, cfg, radius, failures),
         html.heading("Config"),
-        html.preformatted(OmegaConf.to_yaml(cfg)),
+        html.preformatted((run / "config.yaml").read_text()),
     ]
     return html.page(f"{cfg.experiment_name}: {run.resolve().name}", parts)
 
@@ -66,7 +67,7 @@ def _config(run: Path) -> Config:
 def _row(r: Result) -> tuple[str, ...]:
     rates = (f"{value:.3f}" for value in (r.recall_1, r.recall_5, r.f1_max, r.auc))
     times = (f"{1e3 * seconds:.3g}" for seconds in (r.seconds_per_scan, r.seconds_per_query))
-    return (r.method, r.test, r.region, *rates, *times)
+    return (r.case.method, r.case.test, r.case.region, *rates, *times)
 
 
 def _pictures(folder: Path) -> Iterator[str]:
@@ -98,63 +99,60 @@ def _failures(run: Path, cfg: Config, radius: float, count: int) -> Iterator[str
         yield html.paragraph("Drawn for DeepRING over images from above alone.")
         return
     network.cpu()
-    kept = {(r.method, r.test, r.region): r for r in retrievals_in(run)}
+    written = {(m.case.method, m.case.test, m.case.region): m for m in matches_in(run)}
     for split in plan.splits:
-        found = kept.get((network.settings.label, split.name, split.region))
-        if found is None:
+        matches = written.get((network.settings.label, split.name, split.region))
+        if matches is None:
             continue
-        wrong = np.flatnonzero((found.distance > radius) & (found.nearest <= radius))
-        answerable = int((found.nearest <= radius).sum())
+        answerable = matches.nearest <= radius
+        wrong = np.flatnonzero((matches.distance[:, 0] > radius) & answerable)
         yield html.paragraph(
-            f"{split.name}, {split.region}: {len(wrong)} of {answerable} answerable queries are "
-            f"wrong; shown are the {min(count, len(wrong))} of the highest scores."
+            f"{split.name}, {split.region}: {len(wrong)} of {answerable.sum()} answerable queries "
+            f"are wrong; shown are the {min(count, len(wrong))} of the highest scores."
         )
-        worst = wrong[np.argsort(-found.score[wrong], kind="stable")][:count]
-        yield from _drawn(cfg, network, split, found, worst)
+        worst = wrong[np.argsort(-matches.score[wrong, 0], kind="stable")][:count]
+        yield from _drawn(plan.cache, network, split, matches, worst)
 
 
 def _drawn(
-    cfg: Config, network: DeepRing, split: RetrievalSet, found: Retrievals, worst: np.ndarray
+    cache: RasterCache,
+    network: DeepRing,
+    split: RetrievalSet,
+    matches: TopMatches,
+    worst: np.ndarray,
 ) -> Iterator[str]:
-    task = load_task(cfg, split, network.raster)
-    for q in worst:
-        query = _numbered(task.query.scans, int(found.query[q]))
-        place = _numbered(task.database.scans, int(found.place[q]))
-        position = task.query.scans.positions[query]
-        away = np.linalg.norm(task.database.scans.positions - position, axis=1)
+    """The queries at rows ``worst`` of the matches, each with its best and its nearest place."""
+    raster = network.raster
+    assert isinstance(raster, BevRaster)
+    task = load_task(cache, split, raster)
+    queries, database = task.scans.query, task.scans.database
+    for number, best, score in zip(
+        matches.query[worst], matches.place[worst, 0], matches.score[worst, 0], strict=True
+    ):
+        query, place = rows_of(queries, number), rows_of(database, best)
+        away = np.linalg.norm(database.positions - queries.positions[query], axis=1)
         right = int(away.argmin())
         seen = [
-            ("query", _one(task.query.rasters, query)),
-            (f"retrieved, {away[place]:.0f} m", _one(task.database.rasters, place)),
-            (f"nearest, {away[right]:.0f} m", _one(task.database.rasters, right)),
+            ("query", task.query[query : query + 1]),
+            (f"retrieved, {away[place]:.0f} m", task.database[place : place + 1]),
+            (f"nearest, {away[right]:.0f} m", task.database[right : right + 1]),
         ]
-        shown = _shown(network, seen)
-        period = 180.0 if network.settings.theta_range == "half" else 360.0
-        assert isinstance(network.raster, BevRaster)
-        figure = failure_figure(shown, network.raster.extent, period)
         caption = (
-            f"Scan {found.query[q]}: score {found.score[q]:.3f}, retrieved scan "
-            f"{found.place[q]}, {away[place]:.0f} m away; the nearest place is "
-            f"{away[right]:.0f} m away"
+            f"Scan {number}: score {score:.3f}, retrieved scan {best}, {away[place]:.0f} m away; "
+            f"the nearest place is {away[right]:.0f} m away"
         )
-        yield html.picture(figure, caption)
+        yield html.picture(
+            failure_figure(_views(network, seen), raster.extent, period_of(network)), caption
+        )
 
 
-def _numbered(scans: ScanSet, index: int) -> int:
-    """Which of the set's scans has this number in its session."""
-    return int(np.flatnonzero(scans.indices == index)[0])
-
-
-def _one(rasters: Rasters, k: int) -> torch.Tensor:
-    return rasters[k : k + 1]
-
-
-def _shown(network: DeepRing, seen: list[tuple[str, torch.Tensor]]) -> list[Shown]:
-    descriptors = [network.describe(image) for _, image in seen]
-    shown = []
-    for (title, image), descriptor in zip(seen, descriptors, strict=True):
-        curve = correlation_curves(descriptors[0], descriptor)[0, 0].numpy()
+def _views(network: DeepRing, seen: list[tuple[str, torch.Tensor]]) -> list[ScanView]:
+    """What the network makes of the images (1, n, n): the query first, then places."""
+    query = network.describe(seen[0][1])
+    views = []
+    for number, (title, image) in enumerate(seen):
+        curve = correlation_curves(query, network.describe(image))[0, 0].numpy()
         sinogram = network.representation(image)[0, 0].numpy()
-        own = descriptor is descriptors[0]
-        shown.append(Shown(title, image[0].bool().numpy(), sinogram, None if own else curve))
-    return shown
+        bev = image[0].bool().numpy()
+        views.append(ScanView(title, bev, sinogram, curve if number else None))
+    return views

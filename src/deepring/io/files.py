@@ -1,14 +1,10 @@
 """Files that appear whole or not at all."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from deepring.errors import DeepringError
-
-if TYPE_CHECKING:
-    from torch import Tensor
+from deepring.errors import FileError
 
 
 def part_of(path: Path) -> Path:
@@ -22,7 +18,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
 
     Folders are made as needed. Where the block raises, ``path`` stays as it was; a process that
     is killed leaves at most a hidden ``.<name>.part``, which the next one replaces. Raises
-    DeepringError where the file cannot be written.
+    FileError where the file cannot be written.
     """
     path = Path(path)
     temporary = part_of(path)
@@ -31,22 +27,12 @@ def replacing(path: Path | str) -> Iterator[Path]:
         yield temporary
         temporary.replace(path)
     except OSError as error:
-        raise DeepringError(f"{path}: {error}; expected a path to write to") from error
+        raise FileError(
+            f"{path}: cannot be written ({error.strerror}); expected a path to write to"
+        ) from error
     finally:
         with suppress(OSError):
             temporary.unlink()
-
-
-def write_tensors(path: Path, tensors: Mapping[str, "Tensor"], metadata: Mapping[str, str]) -> None:
-    """Write a safetensors file as `replacing` does, with a new file's usual permissions."""
-    from safetensors.torch import save_file
-
-    whole = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
-    with replacing(path) as temporary:
-        temporary.touch()
-        usual = temporary.stat().st_mode
-        save_file(whole, temporary, dict(metadata))
-        temporary.chmod(usual)  # safetensors leaves it to its owner alone
 
 
 def write_whole(path: Path, chunks: Iterable[bytes]) -> None:

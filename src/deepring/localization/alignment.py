@@ -13,7 +13,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from deepring.errors import DeepringError
+from deepring import checks
+from deepring.errors import ConfigError, DataError
 
 
 @dataclass(frozen=True)
@@ -32,16 +33,11 @@ class AlignmentSettings:
     """Yaws that are tried beside each of those given."""
 
     def __post_init__(self) -> None:
-        if self.padded < self.cells or self.padded % 2:
-            raise DeepringError(
-                f"alignment.padded: {self.padded}, expected an even number of at least "
-                f"alignment.cells, {self.cells}"
-            )
-        for name in ("cells", "extent", "blur", "reach", "step"):
-            if getattr(self, name) <= 0:
-                raise DeepringError(
-                    f"alignment.{name}: {getattr(self, name)}, expected more than 0"
-                )
+        checks.count("alignment.cells", self.cells)
+        if checks.count("alignment.padded", self.padded, self.cells) % 2:
+            raise ConfigError(f"alignment.padded: {self.padded}, expected an even number")
+        for name in ("extent", "blur", "reach", "step"):
+            checks.positive(f"alignment.{name}", getattr(self, name))
 
     @property
     def cell(self) -> float:
@@ -68,7 +64,7 @@ class Alignment(NamedTuple):
 def occupied_cells(image: Tensor, settings: AlignmentSettings) -> Tensor:
     """Centres (m, 2), metres, of the occupied cells of an image (cells, cells)."""
     if image.shape != (settings.cells, settings.cells):
-        raise DeepringError(
+        raise DataError(
             f"image: shape {tuple(image.shape)}, expected ({settings.cells}, {settings.cells}), "
             "as alignment.cells says"
         )

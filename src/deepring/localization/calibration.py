@@ -8,10 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring import checks
 from deepring.core.rigid import wrap_angle, yaw_of
 from deepring.data.session import Points
-from deepring.errors import DeepringError
-from deepring.localization.map import AcceptanceThresholds, Map
+from deepring.errors import DataError
+from deepring.localization.location import AcceptanceThresholds
+from deepring.localization.map import Map
 
 Floats = NDArray[np.float64]
 
@@ -20,16 +22,20 @@ FITS = np.round(np.arange(0.05, 0.605, 0.01), 2)
 
 
 @dataclass(frozen=True)
-class Right:
-    """How near to the truth a location is right, and how near the map has to be to expect one."""
+class Tolerance:
+    """How near to the truth a location is correct, and how near the map has to be to expect one."""
 
     metres: float = 2.0
     degrees: float = 5.0
     reach: float = 20.0
     """Metres from a scan to the nearest map place, up to which it should be located."""
 
+    def __post_init__(self) -> None:
+        for name in ("metres", "degrees", "reach"):
+            checks.positive(f"tolerance.{name}", getattr(self, name))
 
-class Trials(NamedTuple):
+
+class LocalizationTrials(NamedTuple):
     """n scans located in a map, beside the truth."""
 
     fit: Floats
@@ -41,94 +47,100 @@ class Trials(NamedTuple):
     nearest: Floats
     """(n,) metres from the true position to the nearest map place."""
 
-    def right(self, wanted: Right) -> NDArray[np.bool_]:
-        """(n,) which locations are right."""
-        return (self.metres < wanted.metres) & (self.degrees < wanted.degrees)
+    def correct(self, tolerance: Tolerance) -> NDArray[np.bool_]:
+        """(n,) which locations are correct."""
+        return (self.metres < tolerance.metres) & (self.degrees < tolerance.degrees)
 
-    def trusted(self, trust: AcceptanceThresholds) -> NDArray[np.bool_]:
+    def trusted(self, thresholds: AcceptanceThresholds) -> NDArray[np.bool_]:
         """(n,) which are trusted."""
-        return (self.fit >= trust.fit) & (self.ratio >= trust.ratio)
+        return np.asarray(thresholds.accept(self.fit, self.ratio))
 
 
-class Calibrated(NamedTuple):
+class Calibration(NamedTuple):
     """Thresholds and what they did on the trials they were chosen by."""
 
-    trust: AcceptanceThresholds
+    thresholds: AcceptanceThresholds
     precision: float
-    """Share of trusted locations that are right."""
+    """Share of trusted locations that are correct."""
     recall: float
-    """Share of the scans within reach of the map that are trusted and right."""
+    """Share of the scans within reach of the map that are trusted and correct."""
     trusted: int
     scans: int
 
 
-def try_out(
-    held: Map, scans: Iterable[tuple[Points, Floats]], ground_z: float | None = None
-) -> Trials:
+def run_trials(
+    place_map: Map, scans: Iterable[tuple[Points, Floats]], ground_z: float | None = None
+) -> LocalizationTrials:
     """Locate scans (n, 3) with their poses (4, 4) in the map's world; z of their ground where it
     is not the map's."""
     rows = []
-    places = held.poses[:, :2, 3].numpy()
+    places = place_map.places.positions
     for points, pose in scans:
-        found = held.localize(points, ground_z=ground_z)
+        location = place_map.localize(points, ground_z=ground_z)
         rows.append(
             (
-                found.fit,
-                found.ratio,
-                np.hypot(found.x - pose[0, 3], found.y - pose[1, 3]),
-                abs(np.degrees(wrap_angle(found.yaw - float(yaw_of(pose))))),
+                location.fit,
+                location.ratio,
+                np.hypot(location.x - pose[0, 3], location.y - pose[1, 3]),
+                abs(np.degrees(wrap_angle(location.yaw - float(yaw_of(pose))))),
                 np.linalg.norm(places - pose[:2, 3], axis=1).min(),
             )
         )
-    return Trials(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
+    return LocalizationTrials(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
 
 
-def join(trials: Sequence[Trials]) -> Trials:
+def concatenate(trials: Sequence[LocalizationTrials]) -> LocalizationTrials:
     """All of them as one."""
-    return Trials(*(np.concatenate(parts) for parts in zip(*trials, strict=True)))
+    return LocalizationTrials(*(np.concatenate(parts) for parts in zip(*trials, strict=True)))
 
 
-def calibrate(trials: Trials, precision: float, wanted: Right | None = None) -> Calibrated:
-    """The thresholds that trust the most right locations at a precision of at least this.
+def calibrate(
+    trials: LocalizationTrials, precision: float, tolerance: Tolerance | None = None
+) -> Calibration:
+    """The thresholds that trust the most correct locations at a precision of at least this.
 
     One more trusted location is counted as wrong, so that a precision of 0.99 needs at least 99
-    right ones. Raises DeepringError where no thresholds reach the precision.
+    correct ones. Raises ConfigError for a precision that is no share between 0 and 1, and
+    DataError where no thresholds reach it.
     """
-    if not 0 < precision < 1:
-        raise DeepringError(f"precision: {precision}, expected a share between 0 and 1")
-    wanted = wanted or Right()
-    right = trials.right(wanted)
-    most, chosen = 0, None
+    checks.fraction("precision", precision)
+    tolerance = tolerance or Tolerance()
+    correct = trials.correct(tolerance)
+    most, thresholds = 0, None
     for fit in FITS:
-        # Among those that fit, by falling ratio: right and all up to each.
+        # Among those that fit, by falling ratio: correct and all up to each.
         order = np.flatnonzero(trials.fit >= fit)
         order = order[np.argsort(-trials.ratio[order], kind="stable")]
-        good = np.cumsum(right[order])
+        good = np.cumsum(correct[order])
         enough = good >= precision * (np.arange(1, len(order) + 1) + 1)
         # A ratio that several share cannot be cut between them.
         last = np.append(np.diff(trials.ratio[order]) != 0, True)[: len(order)]
         reached = np.flatnonzero(enough & last)
         if len(reached) and good[reached[-1]] >= most:
             most = int(good[reached[-1]])
-            chosen = AcceptanceThresholds(float(fit), float(trials.ratio[order[reached[-1]]]))
-    if chosen is None:
-        raise DeepringError(
-            f"precision: {precision:g} is reached by no thresholds: {int(right.sum())} of "
-            f"{len(right)} scans are located within {wanted.metres:g} m and {wanted.degrees:g}°; "
-            "take more scans, a denser map, or a lower precision"
+            thresholds = AcceptanceThresholds(float(fit), float(trials.ratio[order[reached[-1]]]))
+    if thresholds is None:
+        raise DataError(
+            f"precision: {precision:g} is reached by no thresholds: {int(correct.sum())} of "
+            f"{len(correct)} scans are located within {tolerance.metres:g} m and "
+            f"{tolerance.degrees:g}°; take more scans, a denser map, or a lower precision"
         )
-    return outcome(trials, chosen, wanted)
+    return evaluate_thresholds(trials, thresholds, tolerance)
 
 
-def outcome(trials: Trials, trust: AcceptanceThresholds, wanted: Right | None = None) -> Calibrated:
+def evaluate_thresholds(
+    trials: LocalizationTrials,
+    thresholds: AcceptanceThresholds,
+    tolerance: Tolerance | None = None,
+) -> Calibration:
     """What thresholds do on trials."""
-    wanted = wanted or Right()
-    right, trusted = trials.right(wanted), trials.trusted(trust)
-    both, reachable = int((right & trusted).sum()), trials.nearest <= wanted.reach
-    return Calibrated(
-        trust,
+    tolerance = tolerance or Tolerance()
+    correct, trusted = trials.correct(tolerance), trials.trusted(thresholds)
+    both, reachable = int((correct & trusted).sum()), trials.nearest <= tolerance.reach
+    return Calibration(
+        thresholds,
         both / max(1, int(trusted.sum())),
-        int((right & trusted & reachable).sum()) / max(1, int(reachable.sum())),
+        int((correct & trusted & reachable).sum()) / max(1, int(reachable.sum())),
         int(trusted.sum()),
-        len(right),
+        len(correct),
     )

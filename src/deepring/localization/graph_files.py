@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import asdict
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from deepring.core.rigid import yaw_of
 from deepring.localization.loops import LoopGraph
@@ -15,7 +14,7 @@ ODOMETRY, LOOP = (0.1, 0.5), (0.5, 1.0)
 
 
 def g2o_lines(graph: LoopGraph) -> Iterator[str]:
-    """g2o's SE(2): a vertex a keyframe, edges between those that follow each other, and loops.
+    """g2o's SE(2): one vertex per keyframe, edges between those that follow each other, and loops.
 
     An edge states the second's pose in the first's frame and its information; see `ODOMETRY` and
     `LOOP`.
@@ -36,6 +35,8 @@ def tum_lines(graph: LoopGraph) -> Iterator[str]:
 
     Without stamps the number of the keyframe stands for its seconds.
     """
+    from scipy.spatial.transform import Rotation
+
     seconds = np.arange(len(graph.poses)) if graph.stamps is None else graph.stamps / 1e9
     turns = Rotation.from_matrix(graph.poses[:, :3, :3]).as_quat()
     for at, pose, turn in zip(seconds, graph.poses, turns, strict=True):

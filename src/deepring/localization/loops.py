@@ -5,13 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring import checks
 from deepring.core.rigid import wrap_angle, yaw_after_turn, yaw_of
-from deepring.data.cache import Progress
 from deepring.data.session import Session
 from deepring.data.spacing import path_lengths, sample_by_distance
-from deepring.errors import DeepringError
-from deepring.localization.map import AcceptanceThresholds, Location, Map
+from deepring.errors import DataError
+from deepring.localization.location import AcceptanceThresholds, Location
+from deepring.localization.map import Map
 from deepring.localization.refinement import RefinementSettings, refine, small_gicp
+from deepring.progress import Progress
 
 #: When to trust a loop. A wrong loop costs a back end more than a missed one, and keyframes 2 m
 #: apart give each return many chances: the largest fit, in hundredths, that keeps 98 % of the
@@ -31,11 +33,8 @@ class LoopSettings:
     """How loops are refined on the points of their scans; None leaves them as found."""
 
     def __post_init__(self) -> None:
-        if self.spacing < 0 or self.recent <= 0:
-            raise DeepringError(
-                f"loops.spacing: {self.spacing}, loops.recent: {self.recent}; expected metres, at "
-                "least 0 and more than 0"
-            )
+        checks.at_least("loops.spacing", self.spacing, 0, "metres")
+        checks.positive("loops.recent", self.recent, "metres")
 
 
 @dataclass(frozen=True)
@@ -71,58 +70,61 @@ class LoopGraph:
 
 
 def find_loops(
-    session: Session, empty: Map, settings: LoopSettings, progress: Progress | None = None
+    session: Session, place_map: Map, settings: LoopSettings, progress: Progress | None = None
 ) -> LoopGraph:
     """Go through a drive once; each keyframe is looked up among those of the past.
 
     Args:
         session: the drive. Its poses may drift: they tell how far was driven, and which
             candidates contradict each other.
-        empty: a map without places, whose network, trust and ground are used; it is filled. See
-            `LOOP_THRESHOLDS`: a map's usual trust is for places further apart.
+        place_map: a map without places, whose network, thresholds and ground are used; it is
+            filled. See `LOOP_THRESHOLDS`: a map's usual thresholds are for places further apart.
         settings: keyframes and what is too recent.
         progress: called with keyframes done and their total.
 
-    Raises DeepringError for a map with places, and for refinement without its library.
+    Raises DataError for a map with places, and ConfigError for refinement without its library.
     """
     if settings.refinement is not None:
         small_gicp()  # now rather than at the first loop
-    if len(empty):
-        raise DeepringError(f"map: holds {len(empty)} places, expected none")
+    if len(place_map):
+        raise DataError(f"map: holds {len(place_map)} places, expected none; give a new one")
     everywhere = np.ones(len(session.files), dtype=np.bool_)
     scans = sample_by_distance(session.positions, settings.spacing, everywhere)
     path = path_lengths(session.positions)[scans]
     loops: list[Loop] = []
     for k, scan in enumerate(scans):
         points = session.points(int(scan))
+        observation = place_map.observe([points])
         past = int(np.searchsorted(path, path[k] - settings.recent))
         if past:
-            found = empty.localize(points, before=past)
-            if found.trusted:
-                earlier = int(scans[found.place])
-                loop = _loop(k, found, session.poses[earlier])
+            location = place_map.localize_observed(observation, before=past)
+            if location.trusted:
+                earlier = int(scans[location.place])
+                loop = _loop(k, location, session.poses[earlier])
                 if settings.refinement is not None:
                     loop = _refined(loop, points, session.points(earlier), settings.refinement)
                 loops.append(loop)
-        empty.add([points], session.poses[scan : scan + 1], [session.files[scan].name])
+        names = [session.files[scan].name]
+        place_map.add_observed(observation, session.poses[scan : scan + 1], names)
         if progress is not None:
             progress(k + 1, len(scans))
     stamps = None if session.stamps is None else session.stamps[scans]
     return LoopGraph(scans, session.poses[scans], stamps, loops)
 
 
-def _loop(keyframe: int, found: Location, pose: NDArray[np.float64]) -> Loop:
+def _loop(keyframe: int, location: Location, pose: NDArray[np.float64]) -> Loop:
+    """A location in the world as seen from the earlier keyframe, whose pose is given."""
     heading = float(yaw_of(pose))
-    dx, dy = found.x - pose[0, 3], found.y - pose[1, 3]
+    dx, dy = location.x - pose[0, 3], location.y - pose[1, 3]
     c, s = np.cos(heading), np.sin(heading)
     return Loop(
         keyframe,
-        found.place,
+        location.place,
         float(c * dx + s * dy),
         float(c * dy - s * dx),
-        wrap_angle(found.yaw - heading),
-        found.fit,
-        found.ratio,
+        wrap_angle(location.yaw - heading),
+        location.fit,
+        location.ratio,
     )
 
 

@@ -7,8 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deepring import checks
 from deepring.core.rigid import FloatArray, pose_from, rotation_from_rpy, yaw_after_turn, yaw_of
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError
+from deepring.localization.scan_points import expect_scan
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,7 @@ class RefinementSettings:
     """Largest distance of points that are matched, metres, of passes one after the other: the
     first decides how far off the start may be, the last counts inliers."""
     iterations: int = 50
-    """At most, a pass."""
+    """At most, per pass."""
     max_shift: float = 4.0
     """Metres along x and y from the start, from which on the result is not believed. Height and
     tilt are not limited: the start knows nothing of them."""
@@ -29,14 +31,13 @@ class RefinementSettings:
     """Turn from the start, likewise; radians."""
 
     def __post_init__(self) -> None:
-        for name in ("voxel", "iterations", "max_shift", "max_turn"):
-            value = getattr(self, name)
-            if not 0 < value < math.inf:
-                raise DeepringError(f"refinement.{name}: {value}, expected more than 0")
-        if not self.reaches or not all(0 < reach < math.inf for reach in self.reaches):
-            raise DeepringError(
-                f"refinement.reaches: {self.reaches}, expected one or more metres above 0"
-            )
+        checks.count("refinement.iterations", self.iterations)
+        for name in ("voxel", "max_shift", "max_turn"):
+            checks.positive(f"refinement.{name}", getattr(self, name))
+        if not self.reaches:
+            raise ConfigError("refinement.reaches: (), expected one or more metres above 0")
+        for reach in self.reaches:
+            checks.positive("refinement.reaches", reach, "metres")
 
 
 class Refined(NamedTuple):
@@ -54,7 +55,7 @@ class Refined(NamedTuple):
     """Whether the registration settled near its start, which is not whether the start was right:
     of that the inliers tell, and the fit of the alignment."""
     error: float
-    """GICP's squared error an inlier, without a unit; infinite where there are none."""
+    """GICP's squared error per inlier, without a unit; infinite where there are none."""
 
 
 def refine(
@@ -74,26 +75,28 @@ def refine(
         settings: of the registration.
 
     Raises:
-        DeepringError: without the library; scans that are empty or hold numbers that are none.
+        ConfigError: without the library.
+        DataError: a scan without points, or with coordinates that are not finite.
     """
     settings = settings or RefinementSettings()
     library = small_gicp()
-    target, tree = library.preprocess_points(_expect("reference", reference), settings.voxel)
-    source, _ = library.preprocess_points(_expect("query", query), settings.voxel)
+    target, tree = library.preprocess_points(_scan("reference", reference), settings.voxel)
+    source, _ = library.preprocess_points(_scan("query", query), settings.voxel)
     start = start_of(turn, position)
-    found = start
+    transform = start
     for reach in settings.reaches:
         result = library.align(
             target,
             source,
             tree,
-            found,
+            transform,
             max_correspondence_distance=reach,
             max_iterations=settings.iterations,
         )
-        found = np.asarray(result.T_target_source, dtype=np.float64)
-    converged = bool(result.converged) and result.num_inliers > 0 and _near(found, start, settings)
-    transform = found if converged else start
+        transform = np.asarray(result.T_target_source, dtype=np.float64)
+    near = _near(transform, start, settings)
+    converged = bool(result.converged) and result.num_inliers > 0 and near
+    transform = transform if converged else start
     return Refined(
         transform,
         yaw_after_turn(0.0, float(yaw_of(transform))),
@@ -111,32 +114,25 @@ def start_of(turn: float, position: ArrayLike) -> FloatArray:
 
 
 def small_gicp() -> Any:
-    """The library. Raises DeepringError where it is not installed."""
+    """The library. Raises ConfigError where it is not installed."""
     try:
         import small_gicp as library
     except ImportError as error:
-        raise DeepringError(
-            f"refinement: {error}; it needs small_gicp: pip install 'deepring[refine]'"
+        raise ConfigError(
+            "refinement: needs small_gicp, which is not installed; expected it: "
+            "pip install 'deepring[refine]'"
         ) from error
     return library
 
 
-def _near(found: FloatArray, start: FloatArray, settings: RefinementSettings) -> bool:
-    if not np.isfinite(found).all():
+def _near(transform: FloatArray, start: FloatArray, settings: RefinementSettings) -> bool:
+    if not np.isfinite(transform).all():
         return False
-    shift = float(np.linalg.norm(found[:2, 3] - start[:2, 3]))
-    turn = float(yaw_of(start[:3, :3].T @ found[:3, :3]))
+    shift = float(np.linalg.norm(transform[:2, 3] - start[:2, 3]))
+    turn = float(yaw_of(start[:3, :3].T @ transform[:3, :3]))
     return shift <= settings.max_shift and abs(turn) <= settings.max_turn
 
 
-def _expect(name: str, points: NDArray[np.float32]) -> FloatArray:
-    if points.ndim != 2 or points.shape[1] < 3 or not len(points):
-        raise DeepringError(
-            f"refinement: {name} of shape {points.shape}, expected (n, 3) with at least one point"
-        )
-    wide = points[:, :3].astype(np.float64)
-    if not np.isfinite(wide).all():
-        raise DeepringError(
-            f"refinement: {name} with coordinates that are no numbers; drop those points"
-        )
-    return wide
+def _scan(name: str, points: NDArray[np.float32]) -> FloatArray:
+    """The points (n, 3) as the library takes them."""
+    return expect_scan(f"refinement: {name}", points)[:, :3].astype(np.float64)

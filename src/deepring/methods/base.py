@@ -1,6 +1,6 @@
 """What a place-recognition method is: scans become descriptors, descriptors are compared."""
 
-from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
+from typing import Any, NamedTuple, Protocol, Self, cast, runtime_checkable
 
 from torch import Tensor
 
@@ -64,11 +64,15 @@ class FixedMethod:
 def index_of(method: Method, settings: SearchSettings | None = None) -> Index:
     """An empty index whose scores and turns are those of ``method.compare``.
 
-    It is the method's own, or one that compares exhaustively. ``settings`` are those of a search
-    by correlation; other indexes take no notice.
+    It is the method's own. A method without ``index``, and a subclass that compares otherwise
+    than the class whose ``index`` it inherits, is searched exhaustively by its ``compare``.
+    ``settings`` are those of a search by correlation; other indexes take no notice.
     """
-    make = getattr(method, "index", None)
-    index: Index = CompareIndex(method) if make is None else make(settings)
+    classes = type(method).__mro__
+    own = next((k for k, cls in enumerate(classes) if "index" in vars(cls)), len(classes))
+    if any("compare" in vars(cls) for cls in classes[:own]):
+        return CompareIndex(method)
+    index: Index = cast("Any", method).index(settings)
     return index
 
 

@@ -19,8 +19,8 @@ def load_network(checkpoint: Path | str, own_class: type | str | None = None) ->
             is not registered; the checkpoint has to name it.
 
     Raises:
-        FileError: a file that is missing or that holds no whole checkpoint of this version.
-        ConfigError: a checkpoint of a method that is not registered and is not ``own_class``.
+        FileError: a file that is missing, that holds no whole checkpoint of this version, or one
+            of a method that is not registered and is not ``own_class``.
     """
     if str(checkpoint) == SHIPPED:
         return shipped_network()
@@ -29,7 +29,7 @@ def load_network(checkpoint: Path | str, own_class: type | str | None = None) ->
         return read_network(path, own_class)
     if not path.is_file():
         raise FileError(
-            f"checkpoint: {path} is no file; give the .ckpt of a run, such as "
+            f"checkpoint {path}: is no file; give the .ckpt of a run, such as "
             "outputs/demo/latest/checkpoints/best.ckpt"
         )
     try:
@@ -43,10 +43,10 @@ def load_network(checkpoint: Path | str, own_class: type | str | None = None) ->
         trained_on, loss = str(values["trained_on"]), str(values["loss"])
     except Exception as error:  # torch.load raises many kinds for a damaged file
         raise FileError(
-            f"checkpoint: {path} is no whole checkpoint of this version; take another, or delete "
+            f"checkpoint {path}: is no whole checkpoint of this version; take another, or delete "
             "it to train anew"
         ) from error
     try:
         return TrainedNetwork(make_network(values, weights, own_class), trained_on, loss)
     except DeepringError as error:
-        raise type(error)(f"checkpoint: {path}: {error}") from error
+        raise FileError(f"checkpoint {path}: {error}") from error

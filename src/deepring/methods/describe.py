@@ -1,12 +1,13 @@
 """Describe many scans in batches."""
 
+from collections.abc import Iterator
 from typing import Protocol
 
 import torch
 from torch import Tensor
 
-from deepring.data.cache import Progress
 from deepring.methods.base import Method
+from deepring.progress import Progress
 
 
 class Images(Protocol):
@@ -24,9 +25,22 @@ def describe_all(
     progress: Progress | None = None,
 ) -> Tensor:
     """Descriptors (n, ...) of n images, ``batch`` in memory at a time, made on ``device``."""
-    parts = []
+    return torch.cat(list(describe_batches(method, images, batch, device, progress)))
+
+
+def describe_batches(
+    method: Method,
+    images: Images,
+    batch: int = 64,
+    device: torch.device | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Tensor]:
+    """`describe_all` batch by batch, each made when it is asked for.
+
+    ``progress`` is called when the next batch is asked for, so that it counts the work on the one
+    before.
+    """
     for k in range(0, len(images), batch):
-        parts.append(method.describe(images[k : k + batch].to(device)))
+        yield method.describe(images[k : k + batch].to(device))
         if progress is not None:
             progress(min(k + batch, len(images)), len(images))
-    return torch.cat(parts)

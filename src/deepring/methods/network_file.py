@@ -1,28 +1,20 @@
-"""A trained network as one safetensors file: nothing in it is executed, Lightning not needed.
+"""A trained network as one sealed file; Lightning is not needed to read it.
 
 `shipped_network` is the one that comes with the package, trained on simulated worlds; what it can
 do and what it cannot is in docs/model_card.md.
 """
 
-import json
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from safetensors import SafetensorError, safe_open
-
-from deepring.errors import DeepringError
-from deepring.io.files import write_tensors
+from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
 from deepring.methods.network import NetworkMethod
 from deepring.methods.portable import describe_network, make_network, weights_of
 
-#: Raise when what a file holds, or what it means, changes.
-FORMAT_VERSION = 1
-
 #: What stands for the shipped network where a checkpoint is asked for.
 SHIPPED = "shipped"
-
-_KEY = "deepring_network"
 
 
 class TrainedNetwork(NamedTuple):
@@ -36,41 +28,41 @@ class TrainedNetwork(NamedTuple):
     """Class name of the loss."""
 
 
+@dataclass(frozen=True)
+class NetworkHeader:
+    """What a file says of its network."""
+
+    network: dict[str, Any]
+    """As `describe_network` describes it."""
+    trained_on: str
+    loss: str
+
+
+FORMAT = SealedFormat(
+    "network",
+    2,
+    NetworkHeader,
+    {"*": None},
+    wanted="a network as `deepring export` writes it",
+    remedy="export it again",
+)
+
+
 def write_network(path: Path, network: TrainedNetwork) -> None:
     """Write a network, whole or not at all."""
-    about = {
-        "version": FORMAT_VERSION,
-        "network": describe_network(network.method),
-        "trained_on": network.trained_on,
-        "loss": network.loss,
-    }
-    write_tensors(path, weights_of(network.method), {_KEY: json.dumps(about, sort_keys=True)})
+    header = NetworkHeader(describe_network(network.method), network.trained_on, network.loss)
+    write_sealed(path, FORMAT, header, weights_of(network.method))
 
 
 def read_network(path: Path, own_class: type | str | None = None) -> TrainedNetwork:
-    """Read what `write_network` wrote; ``own_class`` is that of `make_network`.
+    """Read what `write_network` wrote, every byte verified; ``own_class`` as in `make_network`.
 
-    Raises DeepringError for a file that is missing, no network, cut short, or of another version.
+    Raises FileError for anything else.
     """
-    wanted = "expected a network as `deepring export CHECKPOINT -o FILE.safetensors` writes it"
-    if not path.is_file():
-        raise DeepringError(f"checkpoint: {path} is no file; {wanted}")
-    try:
-        with safe_open(path, framework="pt") as file:
-            about = json.loads((file.metadata() or {})[_KEY])
-            weights = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        version = about["version"]
-    except (SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
-        raise DeepringError(
-            f"checkpoint: {path} is no whole network ({error}); {wanted}"
-        ) from error
-    if version != FORMAT_VERSION:
-        raise DeepringError(
-            f"checkpoint: {path} has format version {version!r}, expected {FORMAT_VERSION}; export "
-            "it again with this version of deepring"
-        )
-    method = make_network(about["network"], weights, own_class)
-    return TrainedNetwork(method, str(about["trained_on"]), str(about["loss"]))
+    file = open_sealed(path, FORMAT, check=True)
+    with file.contents():
+        method = make_network(file.header.network, file.tensors, own_class)
+    return TrainedNetwork(method, file.header.trained_on, file.header.loss)
 
 
 def shipped_network() -> TrainedNetwork:

@@ -5,7 +5,7 @@ from typing import Any
 
 from torch import Tensor
 
-from deepring.errors import FileError
+from deepring.errors import ConfigError, DeepringError
 from deepring.methods.network import NetworkMethod, as_network
 from deepring.methods.registry import method_class, method_name
 
@@ -33,24 +33,25 @@ def make_network(
         own_class: the class of a method that is not registered, or its dotted path, from the
             user; see `deepring.methods.registry.method_class`.
 
-    Raises:
-        ConfigError: a name that is not registered, or settings of another version.
-        FileError: values that are not those of one network.
+    Raises ConfigError for a name that is not registered, and for values that are not those of one
+    network of this version.
     """
     try:
         name, settings = str(described["method"]), dict(described["settings"])
     except (KeyError, TypeError, ValueError):
-        raise FileError(
-            f"network: described by {described!r}, expected 'method' and 'settings'; take a file "
-            "of this version of deepring, or train again"
+        raise ConfigError(
+            f"network: described by {described!r}, expected 'method' and 'settings'; take a "
+            "network of this version of deepring, or train again"
         ) from None
     kind = as_network(method_class(name, own_class))
     try:
         method = kind(kind.settings_class.from_dict(settings))
         method.load_state_dict(dict(weights))
-    except (TypeError, RuntimeError) as error:
-        raise FileError(
+    except DeepringError:
+        raise
+    except Exception as error:  # settings of other types fail wherever a layer meets them
+        raise ConfigError(
             f"network: the weights are not those of {name!r} with settings {settings}; expected "
-            "the settings and weights that one network had; take another file"
+            "the settings and weights that one network had"
         ) from error
     return method.eval()

@@ -202,9 +202,7 @@ def _group(own: Components) -> str:
 
 
 def _where(found: Rows, radius: float, over: Over) -> str:
-    places = sorted(
-        {f"{r.test} {r.region}".strip() for row in found.rows for r in row.results.values()}
-    )
+    places = sorted({r.case.place for row in found.rows for r in row.results.values()})
     return f"{', '.join(places)}: right within {radius:g} m, recall over {over} queries"
 
 

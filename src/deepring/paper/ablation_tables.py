@@ -1,4 +1,4 @@
-"""Ablation tables as grids: as the paper prints them, and in full for the CSV file."""
+"""Ablation tables as texts: as the paper prints them, and in full for the CSV file."""
 
 import statistics
 from collections.abc import Iterable, Sequence
@@ -13,15 +13,15 @@ from deepring.paper.ablation import (
 )
 from deepring.paper.paper_values import WAYS
 from deepring.paper.seed_groups import varied
-from deepring.reports.table import NONE, Cell, Grid, best_bold
+from deepring.reports.table import NONE, Cell, Table, best_bold
 
 
-def shown_grid(table: AblationTable) -> Grid:
+def shown_table(table: AblationTable) -> Table:
     """The table as the paper prints it, means to three digits, the best in bold."""
-    return _ways_grid(table) if table.name == "table4" else _rows_grid(table)
+    return _ways_table(table) if table.name == "table4" else _rows_table(table)
 
 
-def number_grid(table: AblationTable) -> Grid:
+def number_table(table: AblationTable) -> Table:
     """Every key that varies and every number in full, one row an entry; "" where there is none.
 
     Beside the names and keys: n and the seeds; mean and sample standard deviation of Recall@1,
@@ -47,10 +47,10 @@ def number_grid(table: AblationTable) -> Grid:
             texts += [_full(statistics.fmean(values)), _full(sample_deviation(values))]
         texts += [_full(entry.paper), *(_full(entry.recalls.get(seed)) for seed in seeds)]
         cells.append([*map(Cell, texts)])
-    return Grid(table.title, headers, cells, len(names) + len(keys))
+    return Table(table.title, headers, cells, len(names) + len(keys))
 
 
-def _rows_grid(table: AblationTable) -> Grid:
+def _rows_table(table: AblationTable) -> Table:
     names = list(table.entries[0].names)
     grouped = names[0] == GROUP
     with_paper = grouped or any(entry.paper is not None for entry in table.entries)
@@ -65,10 +65,10 @@ def _rows_grid(table: AblationTable) -> Grid:
         paper = [Cell(_rate(entry.paper))] if with_paper else []
         rows.append([*map(Cell, texts), value, *paper])
     headers = [*names, "Recall@1", *(["paper"] if with_paper else [])]
-    return Grid(table.title, headers, rows, len(names), breaks, table.notes)
+    return Table(table.title, headers, rows, len(names), breaks, table.notes)
 
 
-def _ways_grid(table: AblationTable) -> Grid:
+def _ways_table(table: AblationTable) -> Table:
     """Ways as columns; a line for each setting of the other keys, and the paper's below."""
     ways = list(dict.fromkeys(entry.names[CLASSES] for entry in _by_ways(table.entries)))
     keys = [name for name in table.entries[0].names if name != CLASSES]
@@ -80,14 +80,18 @@ def _ways_grid(table: AblationTable) -> Grid:
         if entry.paper is not None:
             paper[entry.names[CLASSES]] = Cell(_rate(entry.paper))
     rows = [
-        [Cell("Recall@1"), *map(Cell, names), *(line.get(way, Cell(NONE)) for way in ways)]
+        [
+            Cell("Recall@1"),
+            *map(Cell, names),
+            *(line.get(way, Cell(NONE)) for way in ways),
+        ]
         for names, line in lines.items()
     ]
     if paper:
         blank = [Cell("")] * len(keys)
         rows.append([Cell("paper"), *blank, *(paper.get(way, Cell(NONE)) for way in ways)])
     headers = [CLASSES, *keys, *ways]
-    return Grid(table.title, headers, rows, 1 + len(keys), [len(lines)], table.notes)
+    return Table(table.title, headers, rows, 1 + len(keys), [len(lines)], table.notes)
 
 
 def _best_bold(entries: Sequence[Entry]) -> list[Cell]:

@@ -4,7 +4,7 @@ costs, and what each method takes.
 
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from deepring.evaluation.metrics import Over
 from deepring.paper.comparison_blocks import Block, Name, blocks_of, paper_of, seeds_of
@@ -90,10 +90,10 @@ def is_comparison(runs: Iterable[Run]) -> bool:
     """Whether methods are to be compared, not the settings of DeepRING.
 
     They are where some run is of another method than DeepRING by its ``method._target_``, or was
-    tested in several places; a config of before there was ``method`` is DeepRING's.
+    tested in several places.
     """
     return any(
-        _method_class(run) != "DeepRing" or len({(r.test, r.region) for r in run.results}) > 1
+        _method_class(run) != "DeepRing" or len({r.case.place for r in run.results}) > 1
         for run in runs
     )
 
@@ -134,7 +134,7 @@ def compare(
 
 
 def _method_class(run: Run) -> str:
-    return str(setting_of(run)["method._target_"]).rpartition(".")[2]
+    return str(setting_of(run).get("method._target_")).rpartition(".")[2]
 
 
 def _order(row: Tested) -> tuple[int, str, str, tuple[int, str], str]:
@@ -150,7 +150,7 @@ def _crossings(tested: Sequence[Tested]) -> list[Crossing]:
     found = []
     for row in tested:
         case = row.case
-        home = known.get(case._replace(train=case.test))
+        home = known.get(replace(case, train=case.test))
         if case.crosses and case.region == "test" and home is not None:
             own, away = home.values("recall_1"), row.values("recall_1")
             both = [seed for seed in own if seed in away]

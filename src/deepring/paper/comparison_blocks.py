@@ -4,7 +4,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from deepring.paper.comparison_results import Case, Tested
+from deepring.evaluation.case import Case
+from deepring.paper.comparison_results import Tested
 from deepring.paper.comparison_values import Rates, Table, paper_rates
 
 Name = Literal["table1", "table2", "further"]

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from deepring.evaluation.retrievals import Retrievals, precision_recall_of
+from deepring.evaluation.case import Case
+from deepring.evaluation.counting import precision_recall
+from deepring.evaluation.matches import TopMatches
 from deepring.paper.comparison import Comparison
 from deepring.paper.comparison_blocks import Block
-from deepring.paper.comparison_results import Case, Tested
+from deepring.paper.comparison_results import Tested
 
 Curve = tuple[Tensor, Tensor]
 """Precision and recall (t,), the highest threshold first."""
@@ -27,7 +29,7 @@ class CurvePanels:
 
 
 def curve_panels(
-    comparison: Comparison, retrieved: Iterable[tuple[int, Retrievals]]
+    comparison: Comparison, retrieved: Iterable[tuple[int, TopMatches]]
 ) -> CurvePanels:
     """A panel for each test in Tables I and II, a curve for each row and seed.
 
@@ -37,7 +39,7 @@ def curve_panels(
             that came before are passed over, as are those that stand in neither table.
 
     Raises:
-        DeepringError: as `precision_recall_of`.
+        DeepringError: as `precision_recall`.
     """
     blocks = [
         (f"{block.test}, {_PANELS[table.name]}", block)
@@ -47,12 +49,10 @@ def curve_panels(
     ]
     wanted = {row.case: row for _, block in blocks for row in block.rows}
     curves: dict[Case, dict[int, Curve]] = {case: {} for case in wanted}
-    for seed, found in retrieved:
-        case = Case(found.method, found.train, found.test, found.region)
+    for seed, matches in retrieved:
+        case = matches.case
         if case in wanted and seed in wanted[case].results and seed not in curves[case]:
-            precision, recall, _ = precision_recall_of(
-                found.distance, found.nearest, found.score, comparison.radius
-            )
+            precision, recall, _ = precision_recall(matches, comparison.radius)
             curves[case][seed] = precision, recall
     panels = {title: _panel(block, curves) for title, block in blocks}
     lacking = [text for row in wanted.values() for text in _lacking(row, curves[row.case])]

@@ -9,9 +9,10 @@ import re
 import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from deepring.errors import DeepringError
+from deepring.evaluation.case import Case
 from deepring.evaluation.metrics import Over
 from deepring.evaluation.results import Result
 from deepring.paper.flat import flatten
@@ -28,34 +29,7 @@ from deepring.paper.seed_groups import (
 from deepring.reports.results_table import recall
 
 #: What a trained method is made with, beside the data.
-_MADE = re.compile(
-    r"(method|representation|encoder|aggregation|similarity|loss|episode|drawing|optimizer"
-    r"|scheduler|trainer|callbacks)\..*"
-)
-
-
-class Case(NamedTuple):
-    """A method, trained on one dataset, tested in a region of another."""
-
-    method: str
-    train: str
-    """Several datasets joined by '+'; empty for a method that learns nothing."""
-    test: str
-    region: str
-
-    @property
-    def in_domain(self) -> bool:
-        """Trained on the dataset that it is tested on, and on no other."""
-        return self.train == self.test
-
-    @property
-    def crosses(self) -> bool:
-        """Trained, but not on the dataset that it is tested on."""
-        return bool(self.train) and self.test not in self.train.split("+")
-
-    def __str__(self) -> str:
-        trained = f" trained on {self.train}" if self.train else ""
-        return f"{self.method}{trained}, tested on {self.test} {self.region}"
+_MADE = re.compile(r"(method|loss|sampling|optimizer|scheduler|trainer|callbacks)\..*")
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +73,7 @@ class _Part:
 
     @property
     def counted(self) -> dict[str, Any]:
-        where = f"on {self.case.test} {self.case.region}"
+        where = f"on {self.case.place}"
         return {f"results {name} {where}": getattr(self.result, name) for name in COUNTED}
 
 
@@ -118,7 +92,7 @@ def collect(
     """What was tested, each method, training, dataset and region with all its seeds.
 
     Args:
-        runs: finished runs; a config of before there was ``method`` is DeepRING's.
+        runs: finished runs.
         radius: metres; the results at this radius are taken.
         over: recall as the share of the answerable queries, or of all.
         mix: let runs on different data or under different protocols stand beside each other.
@@ -153,8 +127,7 @@ def _parts(run: Run, radius: float) -> Iterator[_Part]:
     seed = seed_of(run)
     cases: dict[Case, list[Result]] = {}
     for result in run.results:
-        case = Case(result.method, result.train, result.test, result.region)
-        cases.setdefault(case, []).append(result)
+        cases.setdefault(result.case, []).append(result)
     for case, results in cases.items():
         found = [result for result in results if math.isclose(result.radius_m, radius)]
         if not found:
@@ -180,7 +153,7 @@ def _made(run: Run, case: Case) -> dict[str, Any]:
 
 
 def _method(run: Run) -> Mapping[str, Any]:
-    """What the config says of the run's own method; nothing before there was such a key."""
+    """What the config says of the run's own method."""
     return run.config.get("method") or {}
 
 
@@ -205,7 +178,7 @@ def _clash(runs: Sequence[Run], parts: Sequence[_Part]) -> str | None:
     return (
         _first_clash([[_Stated(run.folder, seed_of(run), _protocol(run)) for run in runs]])
         or _first_clash(_stated_datasets(runs))
-        or clash_of(parts, lambda part: part.counted, lambda part: (part.case[2:], part.seed))
+        or clash_of(parts, lambda part: part.counted, lambda part: (part.case.place, part.seed))
         or _first_clash(
             [_Stated(part.folder, part.seed, part.made) for part in group]
             for group in _grouped(made).values()
@@ -258,7 +231,7 @@ _OF_TRAINING = ("spacing.train", *(f"regions.{k}" for k in ("validation_share", 
 
 def _datasets(run: Run) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """'train' or 'test' and the dataset; ``data`` stands in where a side names none."""
-    trains = any(result.train for result in run.results)
+    trains = any(result.case.train for result in run.results)
     for side in ("train", "test"):
         nodes = run.config.get(f"{side}_data") or {}
         if side == "train" and not trains:
@@ -270,7 +243,7 @@ def _datasets(run: Run) -> Iterator[tuple[str, Mapping[str, Any]]]:
 
 def _own_labels(run: Run) -> set[str]:
     """What the run's method is called in its results: what it trained, else what it states."""
-    trained = {result.method for result in run.results if result.train}
+    trained = {result.case.method for result in run.results if result.case.train}
     return trained or {str(_method(run).get("label"))}
 
 

@@ -1,4 +1,4 @@
-"""The tables of a comparison as grids: as the paper prints them, and in full for the CSV file."""
+"""The tables of a comparison as texts: as the paper prints them, and in full for the CSV file."""
 
 import statistics
 from collections.abc import Collection, Iterable, Sequence
@@ -9,27 +9,27 @@ from deepring.paper.comparison import Comparison, ComparisonTable, Cost, Crossin
 from deepring.paper.comparison_blocks import Block, seeds_of
 from deepring.paper.comparison_notes import about_means
 from deepring.paper.comparison_values import Rates
-from deepring.reports.table import NONE, Cell, Grid, best_bold
+from deepring.reports.table import NONE, Cell, Table, best_bold
 
 #: The headers of the metrics that the paper shows.
 _SHOWN = {"recall_1": "Recall@1", "f1_max": "F1", "auc": "AUC"}
 _METRICS = ("recall_1", "recall_5", "f1_max", "auc")
 
 
-def shown_grids(comparison: Comparison) -> dict[str, Grid]:
-    """File name to grid: table1, table2, further, crossing and costs, those that hold anything.
+def shown_tables(comparison: Comparison) -> dict[str, Table]:
+    """File name to table: table1, table2, further, crossing and costs, those that hold anything.
 
     Means to three digits; the best of a test is bold where all its rows are over the same seeds.
     """
-    grids: dict[str, Grid] = {}
+    tables: dict[str, Table] = {}
     for table in comparison.tables:
-        grids[table.name] = _table_grid(table, f"{table.title}: {comparison.conditions}")
+        tables[table.name] = _methods_table(table, f"{table.title}: {comparison.conditions}")
     if comparison.crossings:
-        grids["crossing"] = _crossing_grid(comparison)
-    return grids | {"costs": _costs_grid(comparison.costs)}
+        tables["crossing"] = _crossing_table(comparison)
+    return tables | {"costs": _costs_table(comparison.costs)}
 
 
-def number_grid(comparison: Comparison) -> Grid:
+def number_table(comparison: Comparison) -> Table:
     """Every number in full, a row for each that was tested; "" where there is none.
 
     Beside what was trained and tested where: the table that holds it; radius; n and the seeds;
@@ -44,7 +44,7 @@ def number_grid(comparison: Comparison) -> Grid:
     cells = []
     for row in comparison.tested:
         table = holding.get(row)
-        texts = [*row.case, table.name if table else ""]
+        texts = [*row.case.columns.values(), table.name if table else ""]
         texts += [repr(comparison.radius), comparison.over]
         texts += [str(len(row.results)), " ".join(map(str, row.results))]
         for metric in _METRICS:
@@ -55,10 +55,10 @@ def number_grid(comparison: Comparison) -> Grid:
         texts += [_full(row.values("recall_1").get(seed)) for seed in seeds]
         cells.append([*map(Cell, texts)])
     headers = [*names, "radius_m", "over", "n", "seeds", *spread, *paper, *by_seed]
-    return Grid("Comparison", headers, cells, len(names))
+    return Table("Comparison", headers, cells, len(names))
 
 
-def _table_grid(table: ComparisonTable, title: str) -> Grid:
+def _methods_table(table: ComparisonTable, title: str) -> Table:
     rows = [row for block in table.blocks for row in block.rows]
     trainings = {(row.case.method, row.case.test, row.case.train) for row in rows}
     ambiguous = len(trainings) > len({training[:2] for training in trainings})
@@ -74,7 +74,7 @@ def _table_grid(table: ComparisonTable, title: str) -> Grid:
     ]
     headers = [h for shown in _SHOWN.values() for h in (shown, "paper")[: 1 + with_paper]]
     breaks = _starts([len(block.rows) for block in table.blocks])
-    return Grid(title, [*names, *headers], cells, len(names), breaks, table.notes)
+    return Table(title, [*names, *headers], cells, len(names), breaks, table.notes)
 
 
 def _names(table: ComparisonTable, block: Block, number: int) -> list[str]:
@@ -96,7 +96,7 @@ def _values(table: ComparisonTable, block: Block, with_paper: bool) -> Iterable[
     return zip(*columns, strict=True)
 
 
-def _crossing_grid(comparison: Comparison) -> Grid:
+def _crossing_table(comparison: Comparison) -> Table:
     names = ["Dataset", "Approach", "trained elsewhere on"]
     cells: list[list[Cell]] = []
     sizes = []
@@ -112,7 +112,7 @@ def _crossing_grid(comparison: Comparison) -> Grid:
             own = ["" if number else test, row.method, row.elsewhere]
             cells.append([*map(Cell, own), *values])
         sizes.append(len(rows))
-    return Grid(
+    return Table(
         f"What crossing costs, Recall@1 on the same test region: {comparison.conditions}",
         [*names, "in-domain", "crossed", "difference"],
         cells,
@@ -133,7 +133,7 @@ def _about_crossings(crossings: Sequence[Crossing]) -> list[str]:
     return [f"{note}: {', '.join(names)}" for note, names in means.items()]
 
 
-def _costs_grid(costs: Sequence[Cost]) -> Grid:
+def _costs_table(costs: Sequence[Cost]) -> Table:
     cells = [
         [
             Cell(cost.method),
@@ -144,7 +144,7 @@ def _costs_grid(costs: Sequence[Cost]) -> Grid:
         ]
         for cost in costs
     ]
-    return Grid(
+    return Table(
         "Costs",
         ["Approach", "ms/scan", "ms/query", "training (min)", "seeds"],
         cells,

@@ -54,7 +54,7 @@ def precision_recall_figure(
 def recall_radius_figure(
     results: Sequence[Result], over: Over = "answerable", title: str = ""
 ) -> Figure:
-    """Recall@1 against the revisit radius, one line a method.
+    """Recall@1 against the revisit radius, one line per method.
 
     Args:
         results: of one test region, at any radii; a method trained on several datasets has a
@@ -65,7 +65,7 @@ def recall_radius_figure(
     Raises:
         DeepringError: no result, or results of several test regions.
     """
-    places = sorted({f"{result.test} {result.region}".strip() for result in results})
+    places = sorted({result.case.place for result in results})
     if len(places) != 1:
         raise DeepringError(
             f"results: test regions {places}; expected exactly one; draw a figure for each"
@@ -121,10 +121,10 @@ def _equal_f1_lines(axes: Axes) -> None:
 
 
 def _lines(results: Sequence[Result], over: Over) -> dict[str, dict[float, float]]:
-    trainings = Counter(method for method, _ in {(r.method, r.train) for r in results})
+    trainings = Counter(method for method, _ in {(r.case.method, r.case.train) for r in results})
     lines: dict[str, dict[float, float]] = {}
     for result in results:
-        several = trainings[result.method] > 1
-        label = f"{result.method} ({result.train or 'untrained'})" if several else result.method
+        method, train = result.case.method, result.case.train
+        label = f"{method} ({train or 'untrained'})" if trainings[method] > 1 else method
         lines.setdefault(label, {})[result.radius_m] = recall_of(result, 1, over)
     return lines

@@ -12,7 +12,7 @@ from deepring.reports.style import PALETTE, SMALL_SIZE, new_figure, style_axes
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ScanView:
     """One scan of a failure."""
 
     title: str
@@ -24,7 +24,7 @@ class Shown:
     """(θ,) correlation of the query with it by shift of θ; None for the query itself."""
 
 
-def failure_figure(scans: Sequence[Shown], extent: float, period: float = 360.0) -> Figure:
+def failure_figure(scans: Sequence[ScanView], extent: float, period: float = 360.0) -> Figure:
     """Images from above, sinograms and correlation curves of a query and of places.
 
     Args:

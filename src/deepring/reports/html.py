@@ -21,7 +21,7 @@ figcaption { color: #595959; } pre { overflow-x: auto; background: #f6f6f6; padd
 
 
 def page(title: str, parts: Iterable[str]) -> str:
-    """The whole page, of parts that are HTML already."""
+    """The whole page; the parts are HTML already."""
     body = "\n".join(parts)
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -32,17 +32,17 @@ def page(title: str, parts: Iterable[str]) -> str:
 
 
 def heading(text: str) -> str:
-    """Of a section."""
+    """A section heading."""
     return f"<h2>{html.escape(text)}</h2>"
 
 
 def paragraph(text: str) -> str:
-    """Plain text."""
+    """A paragraph of plain text."""
     return f"<p>{html.escape(text)}</p>"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Of plain text."""
+    """A table of plain text."""
     cells = "".join(f"<th>{html.escape(name)}</th>" for name in head)
     lines = [
         "<tr>" + "".join(f"<td>{html.escape(value)}</td>" for value in row) + "</tr>"
@@ -52,7 +52,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def preformatted(text: str) -> str:
-    """As it is."""
+    """A preformatted block."""
     return f"<pre>{html.escape(text)}</pre>"
 
 

@@ -1,4 +1,4 @@
-"""Results as tables, one a test region: for the terminal (rich) and for documents (Markdown)."""
+"""Results as tables, one per test region: for the terminal (rich) and for documents (Markdown)."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from rich.console import Group
 
 from deepring.errors import DeepringError
+from deepring.evaluation.case import Case
 from deepring.evaluation.metrics import Over
 from deepring.evaluation.results import Result
-from deepring.reports import table as grid
-from deepring.reports.table import NONE, Cell, Grid, best_bold
+from deepring.reports import table as tables
+from deepring.reports.table import NONE, Cell, Table, best_bold
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class _Column:
 
 
 def render(results: Sequence[Result], radius: float = 10.0, over: Over = "answerable") -> Group:
-    """Terminal tables of all results at one radius, one a test region, the best in bold.
+    """Terminal tables of all results at one radius, one per test region, the best in bold.
 
     Args:
         results: of any methods, datasets and radii.
@@ -34,12 +35,12 @@ def render(results: Sequence[Result], radius: float = 10.0, over: Over = "answer
     Raises:
         DeepringError: no result at this radius, or an unknown ``over``.
     """
-    return grid.terminal(_headline(results, radius, over))
+    return tables.terminal(_headline(results, radius, over))
 
 
 def markdown(results: Sequence[Result], radius: float = 10.0, over: Over = "answerable") -> str:
     """``render`` as Markdown, which ends in a newline."""
-    return grid.markdown(_headline(results, radius, over))
+    return tables.markdown(_headline(results, radius, over))
 
 
 def render_radii(results: Sequence[Result], over: Over = "answerable") -> Group:
@@ -47,12 +48,12 @@ def render_radii(results: Sequence[Result], over: Over = "answerable") -> Group:
 
     Where a method has several results at one radius, the last one is shown.
     """
-    return grid.terminal(_side_by_side(results, over))
+    return tables.terminal(_side_by_side(results, over))
 
 
 def markdown_radii(results: Sequence[Result], over: Over = "answerable") -> str:
     """``render_radii`` as Markdown, which ends in a newline."""
-    return grid.markdown(_side_by_side(results, over))
+    return tables.markdown(_side_by_side(results, over))
 
 
 def recall(result: Result, k: int, over: Over) -> float:
@@ -68,7 +69,7 @@ def recall(result: Result, k: int, over: Over) -> float:
     return value if over == "answerable" else value * result.answerable / max(result.queries, 1)
 
 
-def _headline(results: Sequence[Result], radius: float, over: Over) -> list[Grid]:
+def _headline(results: Sequence[Result], radius: float, over: Over) -> list[Table]:
     shown = [result for result in results if math.isclose(result.radius_m, radius)]
     if not shown:
         known = ", ".join(f"{r:g}" for r in sorted({result.radius_m for result in results}))
@@ -86,38 +87,37 @@ def _headline(results: Sequence[Result], radius: float, over: Over) -> list[Grid
         _Column("ms/scan", lambda result: _milliseconds(result.seconds_per_scan), min),
         _Column("ms/query", lambda result: _milliseconds(result.seconds_per_query), min),
     ]
-    return _grids(f"right within {radius:g} m, recall over {over} queries", columns, shown)
+    return _tables(f"right within {radius:g} m, recall over {over} queries", columns, shown)
 
 
-def _side_by_side(results: Sequence[Result], over: Over) -> list[Grid]:
+def _side_by_side(results: Sequence[Result], over: Over) -> list[Table]:
     if not results:
         raise DeepringError("results: none given; expected at least one; run an evaluation first")
-    rows: dict[tuple[str, ...], dict[float, Result]] = {}
+    rows: dict[Case, dict[float, Result]] = {}
     for result in results:
-        key = (result.method, result.train, result.test, result.region)
-        rows.setdefault(key, {})[result.radius_m] = result
+        rows.setdefault(result.case, {})[result.radius_m] = result
     radii = sorted({result.radius_m for result in results})
 
     def at(radius: float) -> Callable[[Result], str]:
         def text(row: Result) -> str:
-            found = rows[row.method, row.train, row.test, row.region].get(radius)
-            return _rate(recall(found, 1, over)) if found else NONE
+            result = rows[row.case].get(radius)
+            return _rate(recall(result, 1, over)) if result else NONE
 
         return text
 
     columns = [*_NAMES, *(_Column(f"{radius:g} m", at(radius), max) for radius in radii)]
     one_a_row = [next(iter(row.values())) for row in rows.values()]
-    return _grids(f"Recall@1 over {over} queries, right within", columns, one_a_row)
+    return _tables(f"Recall@1 over {over} queries, right within", columns, one_a_row)
 
 
-def _grids(what: str, columns: Sequence[_Column], results: Sequence[Result]) -> list[Grid]:
-    """A grid for each test region, in the order in which they come."""
+def _tables(what: str, columns: Sequence[_Column], results: Sequence[Result]) -> list[Table]:
+    """One table per test region, in the order in which they come."""
     groups: dict[str, list[Result]] = {}
     for result in results:
-        groups.setdefault(f"{result.test} {result.region}".strip(), []).append(result)
+        groups.setdefault(result.case.place, []).append(result)
     headers = [column.header for column in columns]
     return [
-        Grid(f"{place}: {what}", headers, _cells(group, columns), len(_NAMES))
+        Table(f"{place}: {what}", headers, _cells(group, columns), len(_NAMES))
         for place, group in groups.items()
     ]
 
@@ -138,6 +138,6 @@ def _milliseconds(seconds: float) -> str:
 
 
 _NAMES = (
-    _Column("method", lambda result: result.method),
-    _Column("trained on", lambda result: result.train or NONE),
+    _Column("method", lambda result: result.case.method),
+    _Column("trained on", lambda result: result.case.train or NONE),
 )

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from rich import box
+from rich import table as rich_table
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
 from deepring.errors import DeepringError
@@ -25,7 +25,7 @@ class Cell(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Grid:
+class Table:
     """Rows that may be compared with each other. Raises DeepringError for a row of another length.
 
     The first ``names`` columns say what a row is, the others hold numbers. A rule is drawn before
@@ -43,7 +43,8 @@ class Grid:
         for number, row in enumerate(self.rows):
             if len(row) != len(self.headers):
                 raise DeepringError(
-                    f"rows[{number}]: {len(row)} cells; expected {len(self.headers)}, one a header"
+                    f"rows[{number}]: {len(row)} cells; expected one per header, "
+                    f"{len(self.headers)}"
                 )
 
 
@@ -66,44 +67,44 @@ def best_bold(
     ]
 
 
-def terminal(grids: Sequence[Grid]) -> Group:
-    """The grids one below the other; numbers keep their width on a narrow terminal."""
-    parts: list[Text | Table] = []
-    for grid in grids:
-        parts += [Text(grid.title), _table(grid)]
-        if grid.notes:
-            parts += [*map(Text, grid.notes), Text("")]
+def terminal(tables: Sequence[Table]) -> Group:
+    """The tables one below the other; numbers keep their width on a narrow terminal."""
+    parts: list[Text | rich_table.Table] = []
+    for table in tables:
+        parts += [Text(table.title), _rich(table)]
+        if table.notes:
+            parts += [*map(Text, table.notes), Text("")]
     return Group(*parts)
 
 
-def _table(grid: Grid) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for index, header in enumerate(grid.headers):
-        if index < grid.names:  # names give way on narrow terminals, numbers do not
-            table.add_column(Text(header), min_width=8, overflow="fold")
+def _rich(table: Table) -> rich_table.Table:
+    rich = rich_table.Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for index, header in enumerate(table.headers):
+        if index < table.names:  # names give way on narrow terminals, numbers do not
+            rich.add_column(Text(header), min_width=8, overflow="fold")
         else:
-            table.add_column(Text(header), justify="right", no_wrap=True)
-    for number, row in enumerate(grid.rows):
-        if number in grid.breaks:
-            table.add_section()
+            rich.add_column(Text(header), justify="right", no_wrap=True)
+    for number, row in enumerate(table.rows):
+        if number in table.breaks:
+            rich.add_section()
         # Text, not markup: a method may be called "ring[fast]".
-        table.add_row(*(Text(text, style="bold" if bold else "") for text, bold in row))
-    return table
+        rich.add_row(*(Text(text, style="bold" if bold else "") for text, bold in row))
+    return rich
 
 
-def markdown(grids: Sequence[Grid]) -> str:
-    """The grids one below the other, ending in a newline; notes are a list."""
+def markdown(tables: Sequence[Table]) -> str:
+    """The tables one below the other, ending in a newline; notes are a list."""
     lines = []
-    for grid in grids:
-        rule = ["---" if index < grid.names else "---:" for index in range(len(grid.headers))]
-        headers = [header.replace("|", r"\|") for header in grid.headers]
+    for table in tables:
+        rule = ["---" if index < table.names else "---:" for index in range(len(table.headers))]
+        headers = [header.replace("|", r"\|") for header in table.headers]
         cells = [
-            [f"**{text}**" if bold else text for text, bold in _escaped(row)] for row in grid.rows
+            [f"**{text}**" if bold else text for text, bold in _escaped(row)] for row in table.rows
         ]
         rows = [f"| {' | '.join(row)} |" for row in (headers, rule, *cells)]
-        lines += [grid.title, "", *rows, ""]
-        if grid.notes:
-            lines += [*(f"- {note}" for note in grid.notes), ""]
+        lines += [table.title, "", *rows, ""]
+        if table.notes:
+            lines += [*(f"- {note}" for note in table.notes), ""]
     return "\n".join(lines)
 
 
@@ -111,24 +112,24 @@ def _escaped(row: Sequence[Cell]) -> Iterable[Cell]:
     return (Cell(text.replace("|", r"\|"), bold) for text, bold in row)
 
 
-def latex(grid: Grid) -> str:
+def latex(table: Table) -> str:
     r"""A ``table`` environment that needs ``\usepackage{booktabs}``, ending in a newline."""
-    columns = "l" * grid.names + "r" * (len(grid.headers) - grid.names)
+    columns = "l" * table.names + "r" * (len(table.headers) - table.names)
     lines = [
         r"\begin{table}[t]",
         r"\centering",
-        rf"\caption{{{_tex(grid.title)}}}",
+        rf"\caption{{{_tex(table.title)}}}",
         rf"\begin{{tabular}}{{{columns}}}",
         r"\toprule",
-        _tex_row([Cell(header, bold=True) for header in grid.headers]),
+        _tex_row([Cell(header, bold=True) for header in table.headers]),
         r"\midrule",
     ]
-    for number, row in enumerate(grid.rows):
-        if number in grid.breaks:
+    for number, row in enumerate(table.rows):
+        if number in table.breaks:
             lines.append(r"\midrule")
         lines.append(_tex_row(row))
     lines += [r"\bottomrule", r"\end{tabular}"]
-    lines += [rf"\par\footnotesize {_tex(note)}" for note in grid.notes]
+    lines += [rf"\par\footnotesize {_tex(note)}" for note in table.notes]
     return "\n".join([*lines, r"\end{table}", ""])
 
 
@@ -159,10 +160,10 @@ def _tex(text: str) -> str:
     return text.translate(_TEX)
 
 
-def csv(grid: Grid) -> str:
+def csv(table: Table) -> str:
     """Headers and texts as CSV, without title and notes, ending in a newline."""
     written = io.StringIO()
     writer = csv_format.writer(written, lineterminator="\n")
-    writer.writerow(grid.headers)
-    writer.writerows([cell.text for cell in row] for row in grid.rows)
+    writer.writerow(table.headers)
+    writer.writerows([cell.text for cell in row] for row in table.rows)
     return written.getvalue()

@@ -9,13 +9,14 @@ from matplotlib.figure import Figure
 from torch import Tensor
 from torch.utils.tensorboard import SummaryWriter
 
+from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.protocol import Outcome
 
 #: Thresholds that TensorBoard's PR page draws.
 THRESHOLDS = 127
 
 
-def write_board(
+def write_events(
     folder: Path,
     outcomes: list[Outcome],
     figures: Mapping[str, Figure],
@@ -28,26 +29,26 @@ def write_board(
     with SummaryWriter(str(folder)) as writer:
         finals: dict[str, float] = {}
         for outcome in outcomes:
-            head = outcome.results[0]
-            place = f"{head.test}/{head.region}"
+            head, case = outcome.results[0], outcome.case
+            place = f"{case.test}/{case.region}"
             for metric in ("recall_1", "recall_5", "f1_max", "auc"):
-                tag = f"test/{place}/{metric.replace('recall_', 'recall@')}/{outcome.method}"
+                tag = f"test/{place}/{metric.replace('recall_', 'recall@')}/{case.method}"
                 finals[tag] = getattr(head, metric)
-            add_pr_curve(writer, f"test/{place}/{outcome.method}", outcome)
+            add_pr_curve(writer, f"test/{place}/{case.method}", outcome.matches, head.radius_m)
         for tag, figure in figures.items():
             writer.add_figure(tag, figure, close=False)
         writer.add_hparams(dict(hyperparameters), finals, run_name=".")
 
 
-def add_pr_curve(writer: SummaryWriter, tag: str, outcome: Outcome) -> None:
+def add_pr_curve(writer: SummaryWriter, tag: str, matches: TopMatches, radius: float) -> None:
     """The protocol's precision and recall at evenly spread thresholds.
 
     TensorBoard's own counting would take any retrieved wrong place for a missed one.
     """
-    found, radius = outcome.retrieved, outcome.results[0].radius_m
-    right, answerable = found.distance <= radius, found.nearest <= radius
-    thresholds = np.linspace(found.score.min(), found.score.max(), THRESHOLDS)
-    accepted = found.score[None] >= thresholds[:, None]
+    score, right = matches.score[:, 0], matches.distance[:, 0] <= radius
+    answerable = matches.nearest <= radius
+    thresholds = np.linspace(score.min(), score.max(), THRESHOLDS)
+    accepted = score[None] >= thresholds[:, None]
     tp, fp = (accepted & right).sum(1), (accepted & ~right).sum(1)
     fn, tn = (~accepted & answerable).sum(1), (~accepted & ~answerable).sum(1)
     writer.add_pr_curve_raw(

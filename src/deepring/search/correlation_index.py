@@ -1,8 +1,8 @@
 """Search by circular cross-correlation: of all places, or of the best by a short code."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
@@ -11,11 +11,13 @@ from torch import Tensor
 from deepring.checks import count, one_of, share
 from deepring.core.correlation import shift_to_turn
 from deepring.errors import ConfigError, DataError, FileError
+from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
+from deepring.io.tensor_types import TensorType
 from deepring.search import exact
 from deepring.search.block_store import BlockStore
 from deepring.search.code import Code, CodeSettings, code_scores, fit_code
 from deepring.search.hits import Best, Hits
-from deepring.search.shards import read_header, read_shards, write_header, write_shard
+from deepring.search.shards import INDEX, Shard, expect_block, read_shards, write_shard
 from deepring.search.spectra import Precision, encode, padded_spectra
 
 
@@ -38,6 +40,31 @@ class SearchSettings:
         count("search.candidates", self.candidates)
         count("search.exhaustive_below", self.exhaustive_below, 0)
         share("search.candidate_share", self.candidate_share)
+
+
+@dataclass(frozen=True)
+class IndexHeader:
+    """What all places of an index share."""
+
+    settings: SearchSettings
+    period: float
+    cells: float
+    shape: tuple[int, int] | None
+    """(θ, ω) of the descriptors; None before the first."""
+    shards: tuple[Shard, ...]
+
+
+FORMAT = SealedFormat(
+    "index",
+    3,
+    IndexHeader,
+    {
+        "basis": TensorType("float32", ("ω", "components"), optional=True),
+        "step": TensorType("float32", ("frequencies", "components"), optional=True),
+    },
+    wanted="an index as CorrelationIndex.save writes it",
+    remedy="build the index again and save it",
+)
 
 
 class CorrelationIndex:
@@ -64,7 +91,7 @@ class CorrelationIndex:
         self.code: Code | None = None
         self.shape: tuple[int, int] | None = None
         self._folder: Path | None = None
-        self._saved = 0  # blocks of places that lie in that folder
+        self._shards: tuple[Shard, ...] = ()  # the first blocks, which lie in that folder
 
     def __len__(self) -> int:
         return len(self.places)
@@ -144,74 +171,75 @@ class CorrelationIndex:
         """Write the places to a folder and go on with them memory-mapped from there.
 
         Places that lie there already are neither read nor rewritten: save after each lot of
-        places to build an index larger than memory, or to add to one. Raises DeepringError where
-        the folder holds another index.
+        places to build an index larger than memory, or to add to one. Raises FileError where the
+        folder holds another index.
         """
         folder = Path(folder)
         blocks = self.places.blocks()
-        saved = self._saved if folder == self._folder else 0
-        if saved == 0 and folder.is_dir() and any(folder.iterdir()):
+        shards = self._shards if folder == self._folder else ()
+        if not shards and folder.is_dir() and any(folder.iterdir()):
             raise FileError(
                 f"index {folder}: holds files already; expected a folder that is empty or new, or "
-                "the one that this index was opened from"
+                "the one that this index was opened from; name such a folder"
             )
-        for number, block in enumerate(blocks[saved:], start=saved):
-            write_shard(folder, number, block)
+        shards += tuple(
+            write_shard(folder, number, blocks[number])
+            for number in range(len(shards), len(blocks))
+        )
         tensors = {} if self.code is None else {"basis": self.code.basis, "step": self.code.step}
-        values = {
-            "settings": asdict(self.settings),
-            "period": self.period,
-            "cells": self.cells,
-            "shape": self.shape,
-        }
-        lengths = [len(block["values"]) for block in blocks]
-        write_header(folder, tensors, values, lengths)
-        self._attach(folder, lengths)
+        header = IndexHeader(self.settings, self.period, self.cells, self.shape, shards)
+        write_sealed(folder / INDEX, FORMAT, header, tensors)
+        self._attach(folder, shards)
 
     @classmethod
-    def open(cls, folder: Path | str) -> "CorrelationIndex":
-        """Open what `save` wrote, memory-mapped. Raises DeepringError for anything else."""
+    def open(cls, folder: Path | str, *, check: bool = False) -> "CorrelationIndex":
+        """Open what `save` wrote, memory-mapped; ``check`` reads every byte first.
+
+        Raises FileError for anything else.
+        """
         folder = Path(folder)
-        tensors, header = read_header(folder)
-        try:
-            settings = dict(header["settings"])
-            code = settings.pop("code")
-            code = None if code is None else CodeSettings(**code)
-            index = cls(
-                SearchSettings(code=code, **settings),
-                period=header["period"],
-                cells=header["cells"],
-            )
-            index.shape = None if header["shape"] is None else tuple(header["shape"])
-            if tensors:
-                index.code = Code(tensors["basis"], tensors["step"], index._rows)
-            index._attach(folder, header["lengths"])
-        except (KeyError, TypeError) as error:
-            raise FileError(f"index {folder}: its header lacks {error}; write it again") from error
+        file = open_sealed(folder / INDEX, FORMAT, check=True)
+        header = file.header
+        index = cls(header.settings, period=header.period, cells=header.cells)
+        index.shape = header.shape
+        index._attach(folder, header.shards, check=check)
+        with file.contents():
+            index._take_code(file.tensors.get("basis"), file.tensors.get("step"))
         return index
 
     def restore(
         self,
         rows: Mapping[str, Tensor],
-        shape: Sequence[int],
+        shape: tuple[int, int] | None,
         basis: Tensor | None = None,
         step: Tensor | None = None,
     ) -> None:
         """Take rows as `BlockStore` holds them, such as memory-mapped ones, in place of all places.
 
         ``shape`` is (θ, ω) of the descriptors; ``basis`` and ``step`` are those of their code.
+        Raises DataError where these do not fit together.
         """
         self.places = BlockStore()
-        self.places.attach({name: value.to(self.device) for name, value in rows.items()})
-        self.shape = (shape[0], shape[1])
-        coded = basis is not None and step is not None
-        self.code = Code(basis, step, shape[0]) if coded else None  # type: ignore[arg-type]
+        if rows:
+            self.places.attach({name: value.to(self.device) for name, value in rows.items()})
+        self.shape = shape
+        self._take_code(basis, step)
 
-    def _attach(self, folder: Path, lengths: list[int]) -> None:
+    def _attach(self, folder: Path, shards: tuple[Shard, ...], check: bool = False) -> None:
         self.places = BlockStore()
-        for block in read_shards(folder, lengths):
+        for block in read_shards(folder, shards, check=check):
             self.places.attach({name: value.to(self.device) for name, value in block.items()})
-        self._folder, self._saved = folder, len(lengths)
+        self._folder, self._shards = folder, shards
+
+    def _take_code(self, basis: Tensor | None, step: Tensor | None) -> None:
+        """Take the code of places that are there. Raises DataError where the two do not fit."""
+        self.code = None
+        if basis is not None and step is not None and self.shape is not None:
+            self.code = Code(basis.to(self.device), step.to(self.device), self._rows)
+        for block in self.places.blocks():
+            expect_block(block, self.shape, self.settings.precision, self.code)
+        if self.places and (self.code is None) != (self.settings.code is None):
+            raise DataError("places without their code, or with one that the settings do not name")
 
     @property
     def _rows(self) -> int:

@@ -1,83 +1,110 @@
-"""Blocks of rows as files: a folder of safetensors shards, memory-mapped when opened.
+"""Blocks of rows as files: a folder of sealed shards, memory-mapped when opened.
 
-A folder grows by further shards; those before are neither rewritten nor read. Nothing in them is
-executed. ``index.safetensors`` holds what all rows share and comes last, so that a folder whose
-writing was cut short opens as it was before.
+A folder grows by further shards; those before are neither rewritten nor read. What all rows share
+is in ``index.safetensors``, which is written last, so that a folder whose writing was cut short
+opens as it was before.
 """
 
-import json
-from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from safetensors import SafetensorError, safe_open
-from torch import Tensor
+from deepring.errors import DataError, FileError
+from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
+from deepring.io.tensor_types import TensorType, dtype_of
+from deepring.search.block_store import Block, axis_of, lengths_of
+from deepring.search.code import Code
+from deepring.search.spectra import LANES, TAIL_STEP, Precision
 
-from deepring.errors import DeepringError
-from deepring.io.files import write_tensors
-from deepring.search.block_store import Block, lengths_of
+#: The file of what all rows share.
+INDEX = "index.safetensors"
 
-#: Raise when what a folder holds, or what it means, changes.
-FORMAT_VERSION = 2
+#: Tensors of n places; see `deepring.search.spectra.Spectra` and `deepring.search.code.Code`.
+ROWS = {
+    "values": TensorType(("float32", "bfloat16", "int8"), ("n", "k", 2, "w")),
+    "scale": TensorType("float32", ("n", "k")),
+    "tails": TensorType("float32", ("n", "c")),
+    "code": TensorType("int8", ("frequencies", "components", 2, "n"), optional=True),
+}
 
-_HEADER = "index.safetensors"
-_KEY = "deepring_index"
+
+@dataclass(frozen=True)
+class Shard:
+    """One of a folder's shards, as the index knows it."""
+
+    rows: int
+    digest: str
+    """Of the file, see `deepring.io.sealed.Sealed`."""
 
 
-def write_shard(folder: Path, number: int, block: Block) -> None:
+@dataclass(frozen=True)
+class ShardHeader:
+    """What a shard says of itself."""
+
+    number: int
+
+
+SHARD = SealedFormat(
+    "index shard",
+    1,
+    ShardHeader,
+    ROWS,
+    wanted="a shard as CorrelationIndex.save writes it",
+    remedy="copy the whole folder again, or build the index again",
+)
+
+
+def write_shard(folder: Path, number: int, block: Block) -> Shard:
     """Write one block, whole or not at all."""
-    write_tensors(folder / f"{number:05d}.safetensors", block, {})
+    digest = write_sealed(_path(folder, number), SHARD, ShardHeader(number), block)
+    return Shard(lengths_of(block).pop(), digest)
 
 
-def write_header(
-    folder: Path, tensors: Mapping[str, Tensor], values: Mapping[str, Any], lengths: list[int]
-) -> None:
-    """Write what all rows share, and how many rows each shard holds."""
-    header = {"version": FORMAT_VERSION, "lengths": lengths, **values}
-    write_tensors(folder / _HEADER, tensors, {_KEY: json.dumps(header)})
+def read_shards(folder: Path, shards: Sequence[Shard], *, check: bool = False) -> list[Block]:
+    """The blocks, memory-mapped; ``check`` reads every byte.
 
-
-def read_header(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """What all rows share. Raises DeepringError where there is no index of this version."""
-    path = folder / _HEADER
-    if not path.is_file():
-        raise DeepringError(
-            f"index {folder}: no {_HEADER} in it; expected a folder written by save"
-        )
-    tensors, metadata = _read(path)
-    try:
-        header = json.loads(metadata[_KEY])
-        version = header.pop("version")
-    except (KeyError, ValueError, AttributeError) as error:
-        raise DeepringError(f"index {path}: no header of ours ({error})") from error
-    if version != FORMAT_VERSION:
-        raise DeepringError(
-            f"index {path}: format version {version!r}, expected {FORMAT_VERSION}; write it again "
-            "with this version of deepring"
-        )
-    return tensors, header
-
-
-def read_shards(folder: Path, lengths: list[int]) -> list[Block]:
-    """The blocks, memory-mapped."""
+    Raises FileError for a shard that is missing, damaged, or not one of this index.
+    """
     blocks = []
-    for number, length in enumerate(lengths):
-        path = folder / f"{number:05d}.safetensors"
-        block, _ = _read(path)
-        found = lengths_of(block)
-        if found != {length}:
-            raise DeepringError(f"index {path}: holds {sorted(found)} rows, expected {length}")
-        blocks.append(block)
+    for number, shard in enumerate(shards):
+        path = _path(folder, number)
+        file = open_sealed(path, SHARD, check=check)
+        if file.digest != shard.digest:
+            raise FileError(
+                f"index shard {path}: of another index or place in it, expected shard {number} "
+                f"with {shard.rows} rows; {SHARD.remedy}"
+            )
+        blocks.append(file.tensors)
     return blocks
 
 
-def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
-    try:
-        with safe_open(path, framework="pt") as file:
-            names = sorted(file.keys())
-            return {name: file.get_tensor(name) for name in names}, file.metadata() or {}
-    except (SafetensorError, OSError) as error:
-        raise DeepringError(
-            f"index {path}: {error}; expected a file written by save; this one is missing, was "
-            "cut short or altered: copy the whole folder again, or build it again"
-        ) from error
+def expect_block(
+    block: Block, shape: tuple[int, int] | None, precision: Precision, code: Code | None
+) -> None:
+    """Raise DataError unless a block is what descriptors of a shape (θ, ω) are kept as."""
+    if shape is None:
+        raise DataError("places without the shape of their descriptors, expected (θ, ω)")
+    rows, columns = shape
+    frequencies = rows // 2 + 1
+    expected: dict[str, tuple[int, ...]] = {
+        "values": (frequencies, 2, columns + -columns % LANES),
+        "scale": (frequencies,),
+        "tails": (len(range(TAIL_STEP, frequencies, TAIL_STEP)),),
+    }
+    if code is not None:
+        expected["code"] = (*code.step.shape, 2)
+    shapes = {name: tuple(row.movedim(axis_of(name), 0).shape[1:]) for name, row in block.items()}
+    if shapes != expected or dtype_of(block["values"]) != precision:
+        raise DataError(
+            f"places with rows of {shapes}; expected {precision} values in rows of {expected}, as "
+            f"descriptors of {rows} x {columns} are kept"
+        )
+    if code is not None and (len(code.basis) != columns or len(code.step) > frequencies):
+        raise DataError(
+            f"a code of {len(code.basis)} ω and {len(code.step)} θ-frequencies; expected "
+            f"{columns} and at most {frequencies}"
+        )
+
+
+def _path(folder: Path, number: int) -> Path:
+    return folder / f"{number:05d}.safetensors"

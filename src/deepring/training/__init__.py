@@ -1,1 +1,1 @@
-"""Lightning: the module, its loss and its callbacks."""
+"""Training schemes, a folder or a file each, and the Lightning module and data that run them."""

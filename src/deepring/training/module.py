@@ -9,13 +9,12 @@ from torch import Tensor, nn
 from torchmetrics import Metric
 
 from deepring.errors import DeepringError
-from deepring.evaluation.metrics import PlaceAUC, RecallAtK
+from deepring.evaluation.batched_metrics import PlaceAUC, RecallAtK
 from deepring.methods.describe import describe_all
 from deepring.methods.network import NetworkMethod
 from deepring.methods.registry import method_name
 from deepring.training.datamodule import RetrievalBatch
-from deepring.training.losses import OneShotCrossEntropy
-from deepring.training.steps import take_step
+from deepring.training.scheme import TrainingScheme
 
 MakeOptimizer = Callable[[Iterable[nn.Parameter]], torch.optim.Optimizer]
 MakeScheduler = Callable[[torch.optim.Optimizer], torch.optim.lr_scheduler.LRScheduler]
@@ -26,11 +25,11 @@ class PlaceModule(L.LightningModule):
 
     Args:
         method: the network; its class and settings, with the weights, are the checkpoint.
+        scheme: puts a batch through the network and the loss.
+        loss: one of the scheme's; another raises ConfigError.
         validation: names of the validation sets, in the order of their loaders.
-        loss: of what the method's batches are, such as those in `deepring.training.losses`; the
-            paper's cross-entropy by default.
         optimizer: makes the optimizer of the parameters.
-        scheduler: makes its schedule, stepped once an epoch; None keeps the rate.
+        scheduler: makes its schedule, stepped once per epoch; None keeps the rate.
         radius: revisit radius of the validation metrics, metres.
         trained_on: names of the training datasets, kept in the checkpoint.
     """
@@ -38,37 +37,41 @@ class PlaceModule(L.LightningModule):
     def __init__(
         self,
         method: NetworkMethod,
+        scheme: TrainingScheme,
+        loss: nn.Module,
         validation: list[str] | None = None,
-        loss: nn.Module | None = None,
         optimizer: MakeOptimizer | None = None,
         scheduler: MakeScheduler | None = None,
         radius: float = 10.0,
         trained_on: str = "",
     ) -> None:
         super().__init__()
-        self.method = method
-        self.loss = OneShotCrossEntropy() if loss is None else loss
-        kept = {
+        scheme.expect_loss(loss)
+        self.method, self.scheme, self.loss = method, scheme, loss
+        origin = {
             "method": method_name(type(method)),
             "settings": method.settings.to_dict(),
             "trained_on": trained_on,
             "loss": type(self.loss).__name__,
         }
         # Plain values only: a checkpoint must load with weights_only=True.
-        self.save_hyperparameters(kept, logger=False)
+        self.save_hyperparameters(origin, logger=False)
         self.make_optimizer, self.make_scheduler = optimizer, scheduler
         self.validation = validation or []
         self.recalls = nn.ModuleList(RecallAtK(1, radius) for _ in self.validation)
         self.aucs = nn.ModuleList(PlaceAUC(radius) for _ in self.validation)
 
     def training_step(self, batch: Any, _: int) -> Tensor:
-        """The loss of a batch; see `deepring.training.steps`."""
-        step = take_step(self.method, self.loss, batch)
+        """The loss of a batch, by the scheme's step."""
+        step = self.scheme.step(self.method, self.loss, batch)
         # A batch counts as one, whatever it holds.
         self.log("train/loss", step.loss, prog_bar=True, batch_size=1)
         self.log("train/accuracy", step.accuracy, prog_bar=True, batch_size=1)
         for name, value in step.parts.items():
-            self.log(f"train/{name}", value, on_step=False, on_epoch=True, batch_size=1)
+            # Of all processes, since training sets go by it between epochs.
+            self.log(
+                f"train/{name}", value, on_step=False, on_epoch=True, batch_size=1, sync_dist=True
+            )
         return step.loss
 
     def validation_step(self, batch: RetrievalBatch, _: int, dataloader_idx: int = 0) -> None:

@@ -33,22 +33,23 @@ class RealDeepRing(nn.Module):
     def __init__(self, network: DeepRing) -> None:
         super().__init__()
         settings, raster = network.settings, network.raster
-        wanted = {"theta_range": "full", "aggregation": "dft", "normalisation": "unit"}
-        other = {k: v for k, v in wanted.items() if getattr(settings, k) != v}
-        if not isinstance(raster, BevRaster) or other or settings.angles is None:
+        sinogram, kind = settings.representation, settings.aggregation.kind
+        made_by = (kind, settings.similarity.normalisation, sinogram.theta_range)
+        other = made_by != ("dft", "unit", "full")
+        if not isinstance(raster, BevRaster) or other or sinogram.angles is None:
             raise ConfigError(
-                f"onnx: a network over {type(raster).__name__} with aggregation "
-                f"{settings.aggregation}, normalisation {settings.normalisation}, theta_range "
-                f"{settings.theta_range}; expected BevRaster, dft, unit, full"
+                f"onnx: a network over {type(raster).__name__} with aggregation {made_by[0]}, "
+                f"normalisation {made_by[1]}, theta_range {made_by[2]}; expected BevRaster, dft, "
+                "unit, full"
             )
-        assert settings.bins is not None
-        self.encoder, self.pool = network.encoder, settings.pool
-        self.count, self.bins = settings.angles // 2, settings.bins
+        assert sinogram.bins is not None
+        self.encoder, self.pool = network.encoder, sinogram.pool
+        self.count, self.bins = sinogram.angles // 2, sinogram.bins
         seen, lower, upper = _projection(raster.cells, self.count, self.bins)
         for name, value in {"seen": seen, "lower": lower, "upper": upper}.items():
             self.register_buffer(name, value)
         self.unit = 2.0 / raster.cells
-        columns = self.bins // self.pool // settings.stem
+        columns = self.bins // self.pool // settings.encoder.stem
         angle = (
             2 * math.pi / columns * torch.arange(columns)[:, None] * torch.arange(columns // 2 + 1)
         )

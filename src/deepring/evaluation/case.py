@@ -1,0 +1,62 @@
+"""Which method was tested where: what results, matches and descriptors are about."""
+
+import re
+from dataclasses import asdict, dataclass
+
+from deepring.errors import ConfigError
+
+
+@dataclass(frozen=True, order=True)
+class Case:
+    """A method, trained on one dataset, tested in a region of another.
+
+    Raises ConfigError for text that one line of a file cannot hold.
+
+    >>> print(Case("RING", "", "nclt", "test"))
+    RING, tested on nclt test
+    """
+
+    method: str
+    """Its label in tables."""
+    train: str
+    """Several datasets joined by '+'; empty for a method that learns nothing."""
+    test: str
+    region: str
+
+    def __post_init__(self) -> None:
+        for name, text in self.columns.items():
+            if not isinstance(text, str) or not text.isprintable():
+                raise ConfigError(f"{name}: {text!r}, expected a str without control characters")
+
+    def __str__(self) -> str:
+        trained = f" trained on {self.train}" if self.train else ""
+        return f"{self.method}{trained}, tested on {self.place}"
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """The four texts by name, as files state them."""
+        return asdict(self)
+
+    @property
+    def place(self) -> str:
+        """Where it was tested: 'nclt test'."""
+        return f"{self.test} {self.region}".strip()
+
+    @property
+    def in_domain(self) -> bool:
+        """Trained on the dataset that it is tested on, and on no other."""
+        return self.train == self.test
+
+    @property
+    def crosses(self) -> bool:
+        """Trained, but not on the dataset that it is tested on."""
+        return bool(self.train) and self.test not in self.train.split("+")
+
+    def file_name(self, ending: str) -> str:
+        """A file's name of letters, digits, '-' and '_' before the ending.
+
+        >>> Case("Scan Context 20x60", "", "sim_nclt", "test").file_name(".csv")
+        'Scan_Context_20x60__sim_nclt__test.csv'
+        """
+        parts = (self.method, self.test, self.region)
+        return "__".join(re.sub(r"[^A-Za-z0-9_-]+", "_", part) for part in parts) + ending

@@ -1,0 +1,79 @@
+"""Looking queries up through a method's own index."""
+
+import time
+from collections.abc import Iterable
+
+import torch
+from torch import Tensor
+
+from deepring.errors import DataError
+from deepring.methods.base import Method, index_of
+from deepring.search.correlation_index import SearchSettings
+from deepring.search.hits import Hits, Index
+
+#: Best places that are kept per query: as many as Recall@5 asks for.
+BEST = 5
+
+#: Every place is compared in float32, so that figures do not depend on a search's shortcuts.
+EXACT = SearchSettings(precision="float32", code=None)
+
+
+def fill_index(method: Method, descriptors: Iterable[Tensor]) -> Index:
+    """The method's index, which compares all places exactly, with the database's descriptors.
+
+    Args:
+        method: that described them.
+        descriptors: batches (b, ...) on any device.
+
+    Raises:
+        DataError: descriptors that are not finite.
+    """
+    index = index_of(method, EXACT)
+    for batch in descriptors:
+        index.add(_finite("database", batch))
+    return index
+
+
+def look_up(index: Index, descriptors: Iterable[Tensor], k: int = BEST) -> tuple[Hits, float]:
+    """The ``k`` best places of each query, on the CPU, and seconds per query that finding took.
+
+    Fewer than ``k`` where the index holds or compares fewer.
+
+    Args:
+        index: of the database.
+        descriptors: batches (b, ...) of queries on any device; making them is not timed.
+        k: best places wanted.
+
+    Raises:
+        DataError: descriptors or scores that are not finite.
+    """
+    hits: list[Hits] = []
+    seconds = 0.0
+    for batch in descriptors:
+        if not hits:
+            index.search(_finite("queries", batch[:1]), k)  # a first search may compile
+        if _finite("queries", batch).is_cuda:  # else what is still being described is timed
+            torch.cuda.synchronize(batch.device)
+        started = time.perf_counter()
+        hits.append(_on_cpu(index.search(batch, k)))
+        seconds += time.perf_counter() - started
+    place, score, turn = zip(*hits, strict=True)
+    turns = None if any(part is None for part in turn) else torch.cat(turn)
+    whole = Hits(torch.cat(place), torch.cat(score), turns)
+    if whole.score.isnan().any():
+        raise DataError(f"scores: {int(whole.score.isnan().sum())} NaN, expected numbers")
+    return whole, seconds / len(whole.place)
+
+
+def _on_cpu(hits: Hits) -> Hits:
+    return Hits(*(None if part is None else part.cpu() for part in hits))  # type: ignore[arg-type]
+
+
+def _finite(side: str, descriptors: Tensor) -> Tensor:
+    bad = int((~descriptors.isfinite()).sum())
+    if bad:
+        raise DataError(
+            f"descriptors of the {side}: {bad} of {descriptors.numel()} values are not finite, "
+            "expected numbers; look for empty scans, or for a training that diverged"
+        )
+    return descriptors

@@ -1,0 +1,176 @@
+"""What a method retrieved for each query, in memory and as a CSV file."""
+
+import csv
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import repeat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deepring.errors import DataError, DeepringError, FileError
+from deepring.evaluation.case import Case
+from deepring.evaluation.distances import HasPositions, distances_to
+from deepring.io.files import replacing
+from deepring.search.hits import Hits
+
+#: The folder of these files in a run's folder.
+FOLDER = "retrievals"
+
+COLUMNS = ("query", "place", "score", "turn", "distance", "nearest")
+
+
+@dataclass(frozen=True, eq=False)
+class TopMatches:
+    """The k best places of each of q queries, best first.
+
+    Raises DataError for arrays of shapes that disagree.
+    """
+
+    case: Case
+    query: NDArray[np.int64]
+    """(q,) numbers of the queries' scans in their session."""
+    place: NDArray[np.int64]
+    """(q, k) numbers of the places' scans in the database's session."""
+    score: NDArray[np.float32]
+    """(q, k) higher is more alike. The first is the one that a threshold is held against."""
+    turn: NDArray[np.float32] | None
+    """(q, k) the turn of the points from place to query, radians; None where not known."""
+    distance: NDArray[np.float32]
+    """(q, k) metres from the query to the place."""
+    nearest: NDArray[np.float32]
+    """(q,) metres from the query to the nearest place of the database."""
+
+    def __post_init__(self) -> None:
+        best: dict[str, NDArray[Any]] = {"place": self.place, "score": self.score}
+        best["distance"] = self.distance
+        if self.turn is not None:
+            best["turn"] = self.turn
+        whole: dict[str, NDArray[Any]] = {"query": self.query, "nearest": self.nearest}
+        shapes = {name: array.shape for name, array in (whole | best).items()}
+        rows = len(self.query)
+        if {shapes[name] for name in whole} != {(rows,)} or (
+            {shapes[name] for name in best} != {(rows, max(1, self.place.shape[-1]))}
+        ):
+            raise DataError(
+                f"matches of {self.case}: shapes {shapes}; expected (q,) for query and nearest, "
+                "(q, k) with k of at least 1 for the others"
+            )
+
+    @classmethod
+    def of_hits(
+        cls,
+        case: Case,
+        query: HasPositions,
+        database: HasPositions,
+        hits: Hits,
+        nearest: NDArray[np.float32],
+    ) -> "TopMatches":
+        """What a search of the database gave: ``hits`` (q, k) on the CPU.
+
+        ``nearest`` are the metres (q,) that `nearest_distances` gives.
+        """
+        rows = hits.place.numpy()
+        return cls(
+            case=case,
+            query=query.indices,
+            place=database.indices[rows],
+            score=hits.score.float().numpy(),
+            turn=None if hits.turn is None else hits.turn.float().numpy(),
+            distance=distances_to(query, database, rows),
+            nearest=nearest,
+        )
+
+
+def write_matches(folder: str | Path, matches: TopMatches) -> Path:
+    """Write the best place of each query below ``retrievals/`` in a run's folder; the file's path.
+
+    Folders are created as needed. Raises FileError where another case's file lies under the same
+    name, or the file cannot be written.
+    """
+    path = Path(folder) / FOLDER / matches.case.file_name(".csv")
+    if path.exists() and (other := _case_at(path)) != matches.case:
+        raise FileError(
+            f"{path}: holds the retrievals of {other}, expected those of {matches.case}; give the "
+            "methods labels that differ in letters or digits, or delete the file"
+        )
+    m = matches
+    turns = repeat("") if m.turn is None else m.turn[:, 0].tolist()
+    place, score, distance = (table[:, 0].tolist() for table in (m.place, m.score, m.distance))
+    rows = zip(m.query.tolist(), place, score, turns, distance, m.nearest.tolist(), strict=False)
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        file.write(f"# {json.dumps(matches.case.columns)}\n")
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows(rows)
+    return path
+
+
+def read_matches(path: str | Path) -> TopMatches:
+    """Read what `write_matches` wrote: one place per query, every number the same again.
+
+    Raises FileError for a file that is missing or holds something else, naming the line.
+    """
+    path = Path(path)
+    case = _case_at(path)
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            file.readline()
+            reader = csv.reader(file, strict=True)
+            if tuple(next(reader, [])) != COLUMNS:
+                raise FileError(f"{path}, line 2: expected {','.join(COLUMNS)!r}; {_AGAIN}")
+            rows = [_parse(path, reader.line_num + 1, row) for row in reader if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise FileError(f"{path}: {error}; {_WANTED}") from error
+    query, place, score, turn, distance, nearest = zip(*rows, strict=True) if rows else [()] * 6
+    return TopMatches(
+        case=case,
+        query=np.array(query, dtype=np.int64),
+        place=np.array(place, dtype=np.int64)[:, None],
+        score=np.array(score, dtype=np.float32)[:, None],
+        turn=None if None in turn else np.array(turn, dtype=np.float32)[:, None],
+        distance=np.array(distance, dtype=np.float32)[:, None],
+        nearest=np.array(nearest, dtype=np.float32),
+    )
+
+
+def matches_in(folder: str | Path) -> Iterator[TopMatches]:
+    """All that lie in a run's folder, sorted by file name; none where there are none."""
+    return map(read_matches, sorted((Path(folder) / FOLDER).glob("*.csv")))
+
+
+def _case_at(path: Path) -> Case:
+    """The case in the first line of a file."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            line = file.readline()
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(f"{path}: {error}; {_WANTED}") from error
+    try:
+        return Case(**json.loads(line.removeprefix("# ")))
+    except (DeepringError, TypeError, ValueError):
+        columns = json.dumps(dict.fromkeys(Case.__dataclass_fields__, "..."))
+        raise FileError(
+            f"{path}, line 1: {line.strip()[:80]!r}; expected '# ' and {columns}; {_AGAIN}"
+        ) from None
+
+
+def _parse(
+    path: Path, line: int, row: list[str]
+) -> tuple[int, int, float, float | None, float, float]:
+    try:
+        query, place, score, turn, distance, nearest = row
+        angle = float(turn) if turn else None
+        return int(query), int(place), float(score), angle, float(distance), float(nearest)
+    except ValueError:
+        raise FileError(
+            f"{path}, line {line}: {','.join(row)!r}; expected two whole numbers and four floats "
+            f"({', '.join(COLUMNS)}), turn empty where not known; {_AGAIN}"
+        ) from None
+
+
+_AGAIN = "delete the file and run the evaluation again"
+_WANTED = f"expected the retrievals of an evaluation; {_AGAIN}"

@@ -1,0 +1,95 @@
+"""What a map knows of its places beside their descriptors: image, pose and name."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from deepring.core.rigid import yaw_of
+from deepring.data.packed_rasters import pack, unpack
+from deepring.errors import DataError
+from deepring.rasters import BevRaster
+from deepring.search.block_store import BlockStore
+
+
+class PlaceStore:
+    """Places in the order in which they were added. Adding one does not copy the others."""
+
+    def __init__(self, raster: BevRaster) -> None:
+        self.raster = raster
+        self.names: list[str] = []
+        self._rows = BlockStore()
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @property
+    def image_bytes(self) -> int:
+        """Of one packed image."""
+        return -(-(self.raster.cells**2) // 8)
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """Poses (n, 4, 4), world <- scan: a copy of all of them."""
+        return self.tensors()["poses"].numpy()
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """World positions (n, 2), metres: a copy of all of them."""
+        return self.poses[:, :2, 3]
+
+    def add(
+        self, images: NDArray[np.bool_], poses: NDArray[np.float64], names: Sequence[str]
+    ) -> None:
+        """Add k places: images (k, n, n), poses (k, 4, 4) world <- scan, and names.
+
+        Raises DataError where their numbers differ, and for poses that are not finite.
+        """
+        packed = [pack(image, self.raster) for image in images]
+        rows = torch.from_numpy(np.stack(packed)) if packed else torch.empty(0, self.image_bytes)
+        self._append(rows.byte(), torch.from_numpy(np.array(poses, dtype=np.float64)), names)
+
+    def images(self, places: Tensor) -> Tensor:
+        """Images (k, n, n) uint8, 0 or 1, of places (k,)."""
+        (packed,) = self._rows.take(places, "images")
+        return torch.from_numpy(unpack(packed.numpy(), self.raster))
+
+    def planar_poses(self, places: Tensor) -> Tensor:
+        """x, y and yaw of places (k,) in the world: (k, 3) float64, metres and radians."""
+        (poses,) = self._rows.take(places, "poses")
+        return torch.column_stack([poses[:, :2, 3], torch.from_numpy(yaw_of(poses.numpy()))])
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Packed images (n, bytes) uint8 and poses (n, 4, 4) float64, for a file."""
+        blocks = self._rows.blocks()
+        empty = {
+            "images": torch.empty(0, self.image_bytes, dtype=torch.uint8),
+            "poses": torch.empty(0, 4, 4, dtype=torch.float64),
+        }
+        return {k: torch.cat([none, *(block[k] for block in blocks)]) for k, none in empty.items()}
+
+    def restore(self, images: Tensor, poses: Tensor, names: Sequence[str]) -> None:
+        """Take what `tensors` gave, such as memory-mapped ones, without a copy, and the names.
+
+        Raises DataError as `add` does, and for images of another size.
+        """
+        self._rows, self.names = BlockStore(), []
+        self._append(images, poses, names, attach=True)
+
+    def _append(
+        self, images: Tensor, poses: Tensor, names: Sequence[str], *, attach: bool = False
+    ) -> None:
+        n = len(names)
+        if images.shape != (n, self.image_bytes) or poses.shape != (n, 4, 4):
+            raise DataError(
+                f"places: {n} names, images {tuple(images.shape)} and poses {tuple(poses.shape)}; "
+                f"expected ({n}, {self.image_bytes}) and ({n}, 4, 4)"
+            )
+        if not bool(torch.isfinite(poses).all()):
+            raise DataError("places: poses that are not finite; expected world <- scan transforms")
+        if n:
+            rows = {"images": images, "poses": poses}
+            (self._rows.attach if attach else self._rows.add)(rows)
+            self.names.extend(names)

@@ -1,0 +1,12 @@
+"""Training on episodes, as DeepRING is (paper, Sec. IV): N ways, a few shots, a few queries."""
+
+from deepring.training.episodes.episode_losses import EpisodeLoss as EpisodeLoss
+from deepring.training.episodes.episode_losses import OneShotClassifier as OneShotClassifier
+from deepring.training.episodes.episode_losses import OneShotCrossEntropy as OneShotCrossEntropy
+from deepring.training.episodes.episode_losses import Quadruplet as Quadruplet
+from deepring.training.episodes.episode_losses import Triplet as Triplet
+from deepring.training.episodes.episode_losses import class_scores as class_scores
+from deepring.training.episodes.episode_scheme import Episode as Episode
+from deepring.training.episodes.episode_scheme import EpisodeScheme as EpisodeScheme
+from deepring.training.episodes.episode_scheme import EpisodeSet as EpisodeSet
+from deepring.training.episodes.episode_scheme import Places as Places

@@ -1,0 +1,118 @@
+"""Counting the best few places gives what the metrics of whole score matrices give."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from deepring.errors import DeepringError
+from deepring.evaluation.case import Case
+from deepring.evaluation.counting import Seconds, count, precision_recall
+from deepring.evaluation.matches import TopMatches
+from deepring.evaluation.metrics import (
+    BEHIND,
+    first_right,
+    first_right_among,
+    max_f1,
+    place_auc,
+    place_precision_recall,
+    recall_at_k,
+)
+
+CASE = Case("toy", "", "sim", "test")
+RADII = (10.0, 0.5, 5.0, 10.4, 39.0, 41.0)
+
+matrices = st.tuples(st.integers(1, 9), st.integers(1, 12)).flatmap(
+    lambda shape: st.tuples(
+        # few values, so that equal scores and distances at exactly a radius are frequent
+        hnp.arrays(np.float32, shape, elements=st.sampled_from([-np.inf, -1, 0, 0.5, 2])),
+        hnp.arrays(np.float32, shape, elements=st.sampled_from([0, 5, 10, 10.5, 40])),
+    )
+)
+
+
+def best_of(scores, distances, k=5):
+    """The ``k`` best places; equal scores rank by place."""
+    best = np.argsort(-scores, axis=1, kind="stable")[:, :k]
+    score, distance = (np.take_along_axis(table, best, 1) for table in (scores, distances))
+    nearest = distances.min(axis=1)
+    return TopMatches(CASE, np.arange(len(best)), best, score, None, distance, nearest)
+
+
+@settings(deadline=None)
+@given(matrices)
+def test_figures_are_those_of_the_whole_matrices_at_every_radius(made):
+    matches, places = best_of(*made), made[0].shape[1]
+    scores, distances = map(torch.from_numpy, made)
+    answered = [r for r in RADII if (distances <= r).any()]
+    for headline in answered:
+        radii = [headline, *(r for r in RADII if r != headline)]
+        results = count(matches, radii, places, Seconds(0.5, 0.25))
+        assert [result.radius_m for result in results] == [r for r in radii if r in answered]
+        for result in results:
+            r = result.radius_m
+            assert result.answerable == int((distances <= r).any(dim=1).sum())
+            assert (result.database, result.queries) == (places, len(scores))
+            assert result.recall_1 == float(recall_at_k(scores, distances, 1, r))
+            assert result.recall_5 == float(recall_at_k(scores, distances, 5, r))
+            assert result.f1_max == float(max_f1(scores, distances, r))
+            assert result.auc == float(place_auc(scores, distances, r))
+            assert (result.seconds_per_scan, result.seconds_per_query) == (0.5, 0.25)
+
+
+@settings(deadline=None)
+@given(matrices, st.integers(1, 12))
+def test_ranks_are_those_of_the_whole_matrices_as_far_as_places_are_kept(made, k):
+    matches = best_of(*made, k)
+    distance, nearest = map(torch.from_numpy, (matches.distance, matches.nearest))
+    ranks = first_right_among(distance, nearest, RADII)
+    for radius, found in zip(RADII, ranks, strict=True):
+        whole = first_right(*map(torch.from_numpy, made), radius)[1]
+        assert torch.equal(found, torch.where(whole > k, BEHIND, whole))
+
+
+@settings(deadline=None)
+@given(matrices, st.integers(1, 3))
+def test_the_curve_needs_the_best_place_alone(made, k):
+    matches = best_of(*made, k)
+    scores, distances = map(torch.from_numpy, made)
+    if not (distances <= 10).any():
+        with pytest.raises(DeepringError, match="radius 10 m: 0 of"):
+            precision_recall(matches, 10.0)
+        return
+    expected = place_precision_recall(scores, distances, 10.0)
+    for own, whole in zip(precision_recall(matches, 10.0), expected, strict=True):
+        torch.testing.assert_close(own, whole, rtol=0, atol=0)
+
+
+def test_an_unanswerable_query_costs_precision_and_no_recall():
+    distances = np.array([[1, 40], [40, 40], [40, 2]], np.float32)
+    matches = best_of(np.array([[3, 0], [2, 0], [1, 0]], np.float32), distances)
+    precision, recall, _ = precision_recall(matches, 10.0)
+    assert precision.tolist() == pytest.approx([1, 1 / 2, 1 / 3])
+    assert recall.tolist() == pytest.approx([1 / 2, 1 / 2, 1])
+
+
+def test_a_right_place_behind_the_best_ones_makes_a_query_answerable():
+    distances = np.full((1, 7), 90, np.float32)
+    distances[0, 5] = 3
+    (result,) = count(best_of(-distances * 0, distances), [10.0], 7, Seconds(0, 0))
+    assert (result.answerable, result.recall_1, result.recall_5) == (1, 0, 0)
+
+
+def test_places_that_were_not_kept_count_for_no_recall():
+    """A method that retrieves a single place has the same Recall@5 as Recall@1."""
+    distances = np.array([[90, 3], [2, 90]], np.float32)
+    matches = best_of(np.array([[1, 0], [1, 0]], np.float32), distances, 1)
+    (result,) = count(matches, [10.0], 2, Seconds(0, 0))
+    assert (result.answerable, result.recall_1, result.recall_5) == (2, 0.5, 0.5)
+
+
+def test_radii_that_are_none_and_numbers_of_other_shapes_are_refused():
+    with pytest.raises(DeepringError, match="radius: 0, expected a number of metres above 0"):
+        first_right_among(torch.ones(2, 1), torch.ones(2), [0])
+    for distances, nearest in (((2,), (2,)), ((2, 3), (3,)), ((2, 3), (2, 1))):
+        with pytest.raises(DeepringError, match=r"expected \(queries, k\) and \(queries,\)"):
+            first_right_among(torch.ones(distances), torch.ones(nearest), [10.0])
