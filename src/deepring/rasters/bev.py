@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.rasters.base import Raster
-from deepring.rasters.preprocessing import Preprocessing, coordinates, contiguous_points
+from deepring.rasters.preprocessing import Preprocessing, contiguous_points, coordinates
 
 
 @dataclass(frozen=True)
