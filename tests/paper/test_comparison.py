@@ -321,7 +321,7 @@ def test_costs_are_medians_over_results_and_a_mean_over_trainings():
 )
 def test_other_data_or_protocol_is_refused_naming_key_values_and_folders(changes, message):
     runs = [learned(folder="one"), learned("EgoNN", MULRAN, folder="two", **changes)]
-    with pytest.raises(DeepringError, match=rf"^{message}; expected runs on the same .*--mix"):
+    with pytest.raises(DeepringError, match=rf"^{message}; expected runs on the same .*`mix`"):
         compare(runs)
     notes = shown(runs, mix=True)["table1"].notes
     assert any(re.match(rf"mixed, .* not be comparable: {message}", note) for note in notes)
