@@ -2,7 +2,8 @@ import struct
 
 import pytest
 
-from deepring.data.check import check, report_lines
+from deepring.data.check import check
+from deepring.data.check_table import report_lines
 from deepring.errors import DeepringError
 
 MS = 1_000_000

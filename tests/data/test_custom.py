@@ -249,5 +249,5 @@ def test_what_is_not_there_or_no_pose_is_named(changes, words, tmp_path):
 
 def test_bin_files_need_their_format(tmp_path):
     root = write_kitti(tmp_path, drive_of(1))
-    with pytest.raises(DeepringError, match=r"format: missing; .*add one of kitti, mulran, nclt"):
+    with pytest.raises(DeepringError, match=r"format: missing; .*add one of .*kitti, mulran, nclt"):
         open_custom(describe(root, **{k: v for k, v in KITTI.items() if k != "format"}))

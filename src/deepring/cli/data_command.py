@@ -3,7 +3,8 @@
 import argparse
 import sys
 
-from deepring.data.check import check, report_lines
+from deepring.data.check import check
+from deepring.data.check_table import report_lines
 from deepring.progress import progress_bar
 
 

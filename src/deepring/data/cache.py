@@ -1,4 +1,4 @@
-"""Rasters on disk, keyed by everything that made them.
+"""The raster cache: rasters on disk, keyed by everything that made them.
 
 One SQLite file holds all: its transactions make a kill in mid-write and a second process
 harmless. A row is found by the raster's settings and the scan's path, and counts only while the
@@ -119,7 +119,7 @@ def load_rasters(
 
 @dataclass(frozen=True)
 class _Key:
-    """What a stored row is found by, and what must not have changed since."""
+    """Key of a stored row, and the size and time of the scan file it was made of."""
 
     settings: bytes
     path: str
@@ -153,7 +153,7 @@ def _keys(scans: ScanSet, raster: Raster) -> list[_Key]:
 
 
 def _decoding(session: Session) -> str:
-    """What tells how a session's files are read from any other way."""
+    """Name of how a session's files are read."""
     read = session.read
     if session.decoding is not None:
         return session.decoding

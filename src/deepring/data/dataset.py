@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Spacing:
-    """Metres between the scans that are kept."""
+    """Metres between the scans that are used."""
 
     database: float = 20.0
     query: float = 5.0
@@ -113,10 +113,10 @@ class PlaceDataset:
     def _open(self, name: str | None) -> Session:
         c = self.config
         session = open_session(c.format, c.root, name, **c.reader)
-        left_out = session.skipped
-        if str(left_out):
-            level = logging.WARNING if left_out.broken or left_out.without_pose else logging.INFO
-            log.log(level, "%s %s: left out %s", c.name, session.name, left_out)
+        skipped = session.skipped
+        if str(skipped):
+            level = logging.WARNING if skipped.broken or skipped.without_pose else logging.INFO
+            log.log(level, "%s %s: left out %s", c.name, session.name, skipped)
         return session
 
     @cached_property
@@ -144,11 +144,11 @@ class PlaceDataset:
 
     @property
     def has_validation(self) -> bool:
-        """Whether some of the training region is held out for validation."""
+        """True where some of the training region is left to validation."""
         return self._validation is not None
 
     def mask(self, region: str, session: Session) -> NDArray[np.bool_]:
-        """Which scans of a session lie in 'train', 'validation', 'test' or 'whole'."""
+        """Mask (n,) of the scans of a session in 'train', 'validation', 'test' or 'whole'."""
         positions = session.ground_truth
         if region == "whole":
             return np.ones(len(session), dtype=np.bool_)

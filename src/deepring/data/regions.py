@@ -18,7 +18,7 @@ class Shape(Protocol):
     """A part of the plane."""
 
     def contains(self, positions: Positions) -> Mask:
-        """Which of (n, 2) positions lie inside."""
+        """Mask (n,) of the positions (n, 2) inside."""
         ...
 
 
@@ -84,7 +84,7 @@ class Region:
     outside: tuple[Shape, ...] = ()
 
     def contains(self, positions: Positions) -> Mask:
-        """Which of (n, 2) ground-truth positions lie in the region."""
+        """Mask (n,) of the ground-truth positions (n, 2) in the region."""
         mask = np.ones(len(positions), dtype=np.bool_)
         if self.inside:
             mask = np.any([shape.contains(positions) for shape in self.inside], axis=0)

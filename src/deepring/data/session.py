@@ -13,7 +13,7 @@ Points = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class SkippedScans:
-    """What a reader left out of a session, and why; printed, never silent."""
+    """Scans that a reader left out of a session, and why; printed, never silent."""
 
     broken: tuple[str, ...] = ()  # files that cannot be decoded, each with its reason
     without_pose: int = 0  # scans whose stamp lies farther than the tolerance from any pose

@@ -1,4 +1,4 @@
-"""Which scans of a session are used: spacing, first passes and revisits (protocol)."""
+"""The choice of scans of a session: spacing, first passes and revisits (protocol)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ def path_lengths(positions: Positions) -> Positions:
 
 
 def revisits(positions: Positions, radius: float = 10.0, apart: float = 100.0) -> NDArray[np.bool_]:
-    """Which scans pass ground first seen more than ``apart`` metres of path earlier.
+    """Mask (n,) of the scans that pass ground first seen over ``apart`` metres of path earlier.
 
     Scan i is a revisit when an earlier scan within ``radius`` metres of it lies more than
     ``apart`` metres of driven path before. The others are first passes. Raises ConfigError for a

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from typing import Any, ClassVar, Self
 
 import torch
+from jaxtyping import Float, Shaped
 from torch import Tensor, nn
 
 from deepring.checks import of_type
@@ -57,19 +58,27 @@ class NetworkMethod(nn.Module, ABC):
         return self._raster
 
     @abstractmethod
-    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+    def compare(
+        self, queries: Float[Tensor, " q *descriptor"], database: Float[Tensor, " d *descriptor"]
+    ) -> Comparison:
         """Compare descriptors (q, ...) with descriptors (d, ...)."""
 
-    def score(self, queries: Tensor, database: Tensor) -> Tensor:
+    def score(
+        self, queries: Float[Tensor, " q *descriptor"], database: Float[Tensor, " d *descriptor"]
+    ) -> Float[Tensor, "q d"]:
         """The scores of `compare` alone, (q, d)."""
         return self.compare(queries, database).score
 
-    def vectors(self, descriptors: Tensor) -> Tensor:
+    def vectors(
+        self, descriptors: Float[Tensor, " batch *descriptor"]
+    ) -> Float[Tensor, "batch value"]:
         """What losses of distances compare: (b, ...) -> (b, d); the descriptors themselves."""
         return descriptors.flatten(1)
 
     @torch.no_grad()
-    def describe(self, rasters: Tensor) -> Tensor:
+    def describe(
+        self, rasters: Shaped[Tensor, " batch *raster"]
+    ) -> Float[Tensor, " batch *descriptor"]:
         """`forward` in evaluation mode, on the network's device; descriptors come back on it."""
         training = self.training
         self.eval()

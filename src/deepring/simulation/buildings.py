@@ -18,7 +18,7 @@ class BuildingPart:
     height: float
 
     def faces_street_at(self, along: float) -> bool:
-        """Whether the box spans the position ``along``."""
+        """True where the box spans the position ``along``."""
         return abs(along - self.along) <= self.length / 2
 
 

@@ -1,4 +1,4 @@
-"""What stands along one side of a street: buildings, trees, poles, walls, clutter, cars."""
+"""Things along one side of a street: buildings, trees, poles, walls, clutter, cars."""
 
 import numpy as np
 

@@ -82,7 +82,7 @@ def _check_same(content: dict[str, object], settings: SimulationSettings, root: 
 
 
 def _whole(root: Path, content: dict[str, object]) -> bool:
-    """Whether every file that the finished run counted is still there."""
+    """True where every file that the finished run counted is still there."""
     scans, poses = content.get("scans"), content.get("poses")
     if not isinstance(scans, dict) or not isinstance(poses, list) or not scans:
         return False

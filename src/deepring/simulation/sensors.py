@@ -43,7 +43,7 @@ class Sweep:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Which rays came back: (C, B) bool."""
+        """Mask (C, B) of the rays that came back."""
         finite: NDArray[np.bool_] = np.isfinite(self.points[..., 0])
         return finite
 

@@ -12,7 +12,7 @@ Layout = Literal["nclt", "mulran"]
 
 @dataclass(frozen=True)
 class SimulationSettings:
-    """What is simulated. Lengths in metres, angles in degrees, shares in [0, 1].
+    """The knobs of a simulation. Lengths in metres, angles in degrees, shares in [0, 1].
 
     The defaults are those of the ``nclt`` preset; ``mulran()`` says where the city differs. The
     world's two parts, train and test, are street grids of ``rows`` rows and ``train_columns`` or

@@ -19,12 +19,12 @@ _BATCH = 8  # scans that a worker is handed at a time
 
 
 class Writer(Protocol):
-    """What the module of a layout offers."""
+    """The functions of a layout's module, such as `nclt_writer`."""
 
     SESSIONS: tuple[str, str]
 
     def scan_path(self, root: Path, session: str, stamp: int, /) -> Path:
-        """Where the scan of a stamp (microseconds) lies."""
+        """Path of the scan of a stamp (microseconds)."""
 
     def pose_files(self, root: Path, session: str, /) -> list[Path]:
         """The files that ``write_poses`` makes."""

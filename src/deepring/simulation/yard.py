@@ -1,4 +1,4 @@
-"""What everything that is placed along a street shares: a side to place it on, and dice."""
+"""Placing things along a street: the side to place them on, and the dice."""
 
 from dataclasses import dataclass
 

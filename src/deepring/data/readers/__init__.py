@@ -57,7 +57,7 @@ def reader_of(format: str) -> Reader:
 
 
 def binary_formats() -> dict[str, BinaryScans]:
-    """What .bin files may hold, by name."""
+    """The kinds of .bin files, by name."""
     return {name: scans for reader in _readers() for name, scans in reader.scans.items()}
 
 
@@ -156,7 +156,7 @@ def _readers() -> Iterator[Reader]:
 
 @contextmanager
 def _layouts_named(reader: Reader) -> Iterator[None]:
-    """Say of a folder of another layout which ones are accepted, and which one it has."""
+    """Add to a LayoutError which layouts are accepted, and which one the folder has."""
     try:
         yield
     except LayoutError as error:

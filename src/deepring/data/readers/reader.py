@@ -1,4 +1,4 @@
-"""What a reader of one dataset layout says of itself, and what readers need to find folders."""
+"""The description of a reader of one dataset layout, and helpers to find its folders."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from deepring.errors import DataError
 
 
 class BinaryScans(NamedTuple):
-    """What a .bin file of one name holds, since the file itself does not say it."""
+    """One kind of .bin files: how to read them, which the files themselves do not say."""
 
     read: Callable[[Path | str], Points]
     """Decodes one file; raises BrokenScanError."""
@@ -31,11 +31,11 @@ class Reader:
     """
 
     name: str
-    """As in ``open_session(name, root)`` and the config key ``data.format``."""
+    """The name of the layout: ``format`` of `open_session` and of a data config."""
     title: str
-    """For people."""
+    """The layout's name in messages and docs."""
     layouts: tuple[str, ...]
-    """The folder layouts that are accepted, for people."""
+    """The folder layouts that are accepted, one line each, for messages."""
     open: Callable[..., Session]
     """open(root, name, **options) -> the session of that name."""
     sessions: Callable[[Path | str], list[str]]

@@ -1,1 +1,1 @@
-"""What scan files hold: records, point clouds, bags, and the listing of a folder of them."""
+"""Scan files: listing a folder, decoding records, point clouds and bags."""

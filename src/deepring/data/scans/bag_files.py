@@ -26,7 +26,7 @@ class BagScan(NamedTuple):
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a file or folder is a bag, by its ending or by the folder's metadata.yaml."""
+    """True for a bag, told by the file's ending or by the folder's metadata.yaml."""
     if not path.is_dir():
         return path.suffix in BAGS
     described = path / "metadata.yaml"
@@ -57,8 +57,8 @@ def bag_scans(path: Path | str, topic: str | None = None, every: int = 1) -> Ite
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise FileError(f"bag {path}: bags need rosbags; pip install 'deepring[bags]'") from error
-    # The type has never changed. The bag's own definitions are not needed: old bags lack them,
-    # and one that cannot be parsed, of a topic that nobody asked for, would stand in the way.
+    # The type has never changed. The bag's own definitions are not used: old bags lack them,
+    # and one of another topic that cannot be parsed would make the whole bag unreadable.
     reader: Any
     decode: Any
     if path.suffix == ".bag":
@@ -105,8 +105,8 @@ def _of_topic(path: Path, connections: list[Any], topic: str | None) -> list[Any
 
 def _scan(path: Path, topic: str, recorded: int, message: Any) -> BagScan:
     stamp = message.header.stamp
-    taken = int(stamp.sec) * 10**9 + int(stamp.nanosec) or recorded
+    nanoseconds = int(stamp.sec) * 10**9 + int(stamp.nanosec) or recorded
     try:
-        return BagScan(taken, cloud_points(message))
+        return BagScan(nanoseconds, cloud_points(message))
     except BrokenScanError as error:
-        raise BrokenScanError(f"bag {path}, {topic} at {taken} ns: {error}") from error
+        raise BrokenScanError(f"bag {path}, {topic} at {nanoseconds} ns: {error}") from error

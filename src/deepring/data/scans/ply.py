@@ -62,7 +62,7 @@ def read_ply(path: Path | str) -> Points:
 
 
 class _PlyError(Exception):
-    """What is wrong with a file."""
+    """A defect of a file; `read_ply` adds the file's name."""
 
 
 def _vertices(content: bytes) -> Points:
@@ -140,8 +140,8 @@ def _rows(element: _Element, body: bytes, at: int, order: str) -> tuple[list[NDA
         if all((alike[name] == alike[name][0]).all() for name in counts):
             return [alike], end
     elif not counts:
-        held = (len(body) - at) // kind.itemsize
-        raise _PlyError(f"ends within {element} of its header, after {held} rows")
+        rows_there = (len(body) - at) // kind.itemsize
+        raise _PlyError(f"ends within {element} of its header, after {rows_there} rows")
     rows: list[NDArray[Any]] = []  # lists of several lengths
     for row in range(element.rows):
         kind = _row_type(element, body, at, order)

@@ -43,7 +43,7 @@ def cloud_points(message: Any) -> Points:
 
 
 def _layout(message: Any) -> np.dtype[np.void]:
-    """Where x, y and z lie among a point's bytes."""
+    """The type of a point: x, y and z at their bytes."""
     fields = {field.name: field for field in message.fields}
     if any(name not in fields or fields[name].datatype not in _FLOATS for name in "xyz"):
         there = ", ".join(f"{name} (type {field.datatype})" for name, field in fields.items())

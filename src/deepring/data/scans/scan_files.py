@@ -1,4 +1,4 @@
-"""One scan from a file of whatever kind: what a robot has lying about."""
+"""One scan from a file of any kind: .bin, .npy, .pcd, .ply, or the files of a folder."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

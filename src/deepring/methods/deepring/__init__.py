@@ -10,8 +10,8 @@ The paper's equations, and where they are (`tests/test_paper_equations.py` has a
     6  features shift along τ with the sinogram                nn.unet.CircularUNet
     7  the magnitude of a row's DFT forgets the shift          core.spectrum.row_dft_magnitude
     8  similarity: largest circular cross-correlation over θ   core.correlation
-    9  softmax(W C + b) over the ways of an episode            training: OneShotClassifier
-    -  cross-entropy over the ways, not numbered in the paper  training: OneShotCrossEntropy
+    9  softmax(W C + b) over the ways of an episode            training.episodes.OneShotClassifier
+    -  cross-entropy over the ways, not numbered in the paper  training.episodes.OneShotCrossEntropy
 """
 
 import math
@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from jaxtyping import Float, Shaped
 from torch import Tensor, nn
 
 from deepring.checks import one_of
@@ -152,13 +153,17 @@ class DeepRing(NetworkMethod):
         self.aggregate = AGGREGATIONS[aggregation]
         self.normalise = NORMALISATIONS[normalisation]
 
-    def forward(self, rasters: Tensor) -> Tensor:
+    def forward(
+        self, rasters: Shaped[Tensor, " batch *raster"]
+    ) -> Float[Tensor, "batch theta value"]:
         """Descriptors M_f (b, θ, ω) of rasters (b, *raster.shape)."""
         image = self.representation(rasters)
         feature = self.encoder(image)
         return self.normalise(self.aggregate(feature))
 
-    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+    def compare(
+        self, queries: Float[Tensor, "q theta value"], database: Float[Tensor, "d theta value"]
+    ) -> Comparison:
         """Correlation at the best rotation (Eq. 8), and that rotation; L2 and cosine find none.
 
         Over half a turn the rotation is known up to 180°.

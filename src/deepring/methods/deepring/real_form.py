@@ -8,6 +8,7 @@ import math
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Float, Float32, Int32
 from torch import Tensor, nn
 
 from deepring.core.radon import _directions
@@ -57,7 +58,7 @@ class RealDeepRing(nn.Module):
         self.register_buffer("cosines", (angle.double().cos() * scale).float())
         self.register_buffer("sines", (angle.double().sin() * scale).float())
 
-    def forward(self, images: Tensor) -> Tensor:
+    def forward(self, images: Float[Tensor, "batch n n"]) -> Float[Tensor, "batch theta omega"]:
         """Descriptors of unit norm."""
         feature = self.encoder(self._sinogram(images))[:, 0]
         real, imaginary = feature @ self.cosines, feature @ self.sines
@@ -65,7 +66,7 @@ class RealDeepRing(nn.Module):
         norm = magnitude.square().sum(dim=(-2, -1), keepdim=True).sqrt()
         return magnitude / norm.clamp_min(1e-12)
 
-    def _sinogram(self, images: Tensor) -> Tensor:
+    def _sinogram(self, images: Float[Tensor, "batch n n"]) -> Float[Tensor, "batch 1 theta tau"]:
         """(b, 1, θ, τ), as `deepring.core.radon.radon`, pooled."""
         batch = images.shape[0]
         values = images.flatten(1)[:, self.seen.long()][:, None] * (self.bins / images.shape[-1])
@@ -79,7 +80,9 @@ class RealDeepRing(nn.Module):
         return F.avg_pool2d(whole[:, None], self.pool) if self.pool > 1 else whole[:, None]
 
 
-def _projection(cells: int, count: int, bins: int) -> tuple[Tensor, Tensor, Tensor]:
+def _projection(
+    cells: int, count: int, bins: int
+) -> tuple[Int32[Tensor, " c"], Int32[Tensor, "{count} c"], Float32[Tensor, "{count} c"]]:
     """The cells of the inscribed disc, flat (c,) int32; for each direction the bin below each of
     them in rows of ``bins`` and one more at either end, flat (θ, c) int32, and the share (θ, c) of
     the bin above."""

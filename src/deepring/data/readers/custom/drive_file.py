@@ -100,7 +100,7 @@ class _Entry:
 
 
 def is_drive_file(root: Path | str) -> bool:
-    """Whether ``root`` is, by its name, a file that describes drives and no folder of data."""
+    """True for a file that describes drives, told by its name; False for a folder of data."""
     return Path(root).suffix in ENDINGS and not Path(root).is_dir()
 
 
@@ -154,12 +154,12 @@ def _drive(file: Path, name: str, values: dict[Any, Any], prefix: str) -> DriveD
     for key, of_schema in _KEYS.items():
         if of_schema.default == MISSING and key not in values:
             raise ConfigError(f"{file}: {prefix}{key}: missing; expected {_EXPECTED[key]}: add it")
-    given = {
+    checked = {
         key: _checked(_Entry(file, prefix + key, value), key)
         for key, value in values.items()
         if value is not None or _KEYS[key].default == MISSING  # an empty value is one left out
     }
-    return DriveDescription(file, name, **given)
+    return DriveDescription(file, name, **checked)
 
 
 def _checked(entry: _Entry, key: str) -> Any:
