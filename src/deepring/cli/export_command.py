@@ -22,7 +22,7 @@ def _export_weights(args: argparse.Namespace) -> None:
     from deepring.methods.checkpoint import load_network
     from deepring.methods.network_file import write_network
 
-    write_network(args.output, load_network(args.checkpoint))
+    write_network(args.output, load_network(args.checkpoint, args.method))
     console.print(f"written      {args.output}", markup=False)
 
 

@@ -51,6 +51,15 @@ def add_network(parser: Parser) -> None:
     )
 
 
+def add_method(parser: Parser) -> None:
+    """``--method``, the class of a method that is not registered."""
+    parser.add_argument(
+        "--method",
+        metavar="MODULE.CLASS",
+        help="the class, where the file is of a method of your own",
+    )
+
+
 def add_output(parser: Parser, metavar: str, help: str, required: bool = True) -> None:
     """``-o``, the file or folder to write."""
     parser.add_argument("-o", "--output", type=Path, metavar=metavar, required=required, help=help)

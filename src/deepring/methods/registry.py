@@ -67,7 +67,7 @@ def method_class(name: str, own: str | type | None = None) -> type:
     raise ConfigError(
         f"method: {name!r} is not registered{given}; expected one of {', '.join(_METHODS)}, or "
         "the class of that name: register_method(name, cls) in Python, method._target_ in a "
-        "config, or --method module.Class"
+        "config, or its dotted path as `own_class`"
     )
 
 
