@@ -1,11 +1,12 @@
 """The structure of the package in numbers: lines, types, names, imports, and walks through it.
 
     python benchmarks/structure.py [CHECKOUT]
-    python benchmarks/structure.py --walk evaluate checkpoint=shipped data=sim_nclt ...
+    python benchmarks/structure.py --within evaluate --walk evaluate checkpoint=shipped ...
 
 The first counts what stands in the source of a checkout. The second runs a `deepring` command in
 this process and counts the files of the package whose code is run on the way, and the containers
-(dataclasses and named tuples of the package) that are made.
+(dataclasses and named tuples of the package) that are made; with ``--within`` only while a function
+of that name is at work.
 """
 
 import argparse
@@ -22,9 +23,10 @@ from typing import Any
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("checkout", type=Path, nargs="?", default=Path(__file__).parents[1])
+    parser.add_argument("--within", metavar="FUNCTION", help="of the package, for --walk")
     parser.add_argument("--walk", nargs=argparse.REMAINDER, help="a command of deepring")
     args = parser.parse_args(arguments)
-    rows = walk(args.walk) if args.walk else count(args.checkout)
+    rows = walk(args.walk, args.within) if args.walk else count(args.checkout)
     for name, value in rows.items():
         print(f"{name:<44} {value}")
 
@@ -88,8 +90,8 @@ def arrows(package: Path, sources: dict[Path, ast.Module], *, files: bool = Fals
     return pairs
 
 
-def walk(command: Sequence[str]) -> dict[str, Any]:
-    """Files and containers of the package that a command passes."""
+def walk(command: Sequence[str], within: str | None) -> dict[str, Any]:
+    """Files and containers of the package that a command passes, within a function or whole."""
     import deepring
     from deepring.cli.main import main as run
 
@@ -97,10 +99,15 @@ def walk(command: Sequence[str]) -> dict[str, Any]:
     files: set[str] = set()
     containers: set[str] = set()
 
+    inside = 0 if within else 1
+
     def note(frame: FrameType, event: str, _: Any) -> None:
-        if event != "call":
-            return
+        nonlocal inside
         code = frame.f_code
+        if code.co_name == within and code.co_filename.startswith(package):
+            inside += {"call": 1, "return": -1}.get(event, 0)
+        if event != "call" or not inside:
+            return
         if code.co_filename.startswith(package) and code.co_name != "<module>":
             files.add(code.co_filename.removeprefix(package + "/"))
         if code.co_filename.startswith("<") and code.co_name in ("__init__", "__new__", "<lambda>"):
