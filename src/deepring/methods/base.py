@@ -69,8 +69,8 @@ def index_of(method: Method, settings: SearchSettings | None = None) -> Index:
     ``settings`` are those of a search by correlation; other indexes take no notice.
     """
     classes = type(method).__mro__
-    own = next((k for k, cls in enumerate(classes) if "index" in vars(cls)), len(classes))
-    if any("compare" in vars(cls) for cls in classes[:own]):
+    depth = next((k for k, cls in enumerate(classes) if "index" in vars(cls)), len(classes))
+    if any("compare" in vars(cls) for cls in classes[:depth]):
         return CompareIndex(method)
     index: Index = cast("Any", method).index(settings)
     return index
