@@ -47,8 +47,8 @@ ablations: install
 	for seed in $(SEEDS); do \
 	  $(BIN)/deepring simulate nclt --seed $$seed -o outputs/datasets/sim_nclt_seed$$seed || exit; \
 	done
-	$(BIN)/deepring train -m ablation=table3 $(SWEEP)
-	$(BIN)/deepring train -m ablation=way $(SWEEP)
+	$(BIN)/deepring train -m sweep=table3 $(SWEEP)
+	$(BIN)/deepring train -m sweep=way $(SWEEP)
 	$(BIN)/deepring tables outputs/sweeps/demo_table3
 	$(BIN)/deepring tables outputs/sweeps/demo_way
 
@@ -99,7 +99,7 @@ coverage: install
 mutation: install
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[mutation]'
 	$(BIN)/mutmut run $(MUTANTS)
-	$(BIN)/mutmut results
+	$(BIN)/mutmut results | grep -v 'not checked'
 
 hooks: install
 	$(BIN)/pre-commit install

@@ -81,7 +81,11 @@ def measure(runs: int) -> dict[str, object]:
     rng = np.random.default_rng(0)
     images = np.stack([bev_occupancy(street(rng)) for _ in range(WAYS * SCANS)])
     rasters = torch.from_numpy(images.astype(np.uint8))
-    network = DeepRing(DeepRingSettings(pool=2, widths=[8, 16, 32], convolutions=1))
+    small = {
+        "representation": {"pool": 2},
+        "encoder": {"widths": [8, 16, 32], "convolutions": 1},
+    }
+    network = DeepRing(DeepRingSettings.from_dict(small))
     loss = OneShotCrossEntropy()
     parameters = [*network.parameters(), *loss.parameters()]
     optimizer = torch.optim.Adam(parameters, lr=1e-3, weight_decay=1e-4)

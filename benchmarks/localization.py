@@ -20,8 +20,8 @@ import torch
 from omegaconf import OmegaConf
 
 from deepring.core.rigid import pose_from, rotation_from_rpy, turn_points, yaw_after_turn
-from deepring.data.cache import ScanSet
 from deepring.data.dataset import DatasetConfig, PlaceDataset, RetrievalSet
+from deepring.data.scan_set import ScanSet
 from deepring.localization.calibration import (
     LocalizationTrials,
     Tolerance,

@@ -19,7 +19,7 @@ import torch
 
 from deepring.cli.process import tune_process
 from deepring.core.rigid import yaw_of
-from deepring.data.readers.formats import FORMATS, list_sessions, open_session
+from deepring.data.readers import ground_of, list_sessions, open_session
 from deepring.data.spacing import path_lengths
 from deepring.localization.calibration import (
     FITS,
@@ -54,7 +54,7 @@ def look_back(name: str, root: str, network: DeepRing, settings: LoopSettings) -
     session = open_session(format, root, list_sessions(format, root)[0])
     started = time.perf_counter()
     accepting = AcceptanceThresholds(fit=-np.inf, ratio=0.0)
-    place_map = Map(network, FORMATS[format].ground_z, thresholds=accepting)
+    place_map = Map(network, ground_of(session, format), thresholds=accepting)
     graph = find_loops(session, place_map, settings)
     seconds = (time.perf_counter() - started) / len(graph.scans)
     path = path_lengths(session.positions)[graph.scans]

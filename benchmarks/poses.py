@@ -19,7 +19,7 @@ import numpy as np
 import torch
 
 from deepring.core.rigid import yaw_after_turn, yaw_of
-from deepring.data.readers.formats import FORMATS, ground_of, list_sessions, open_session
+from deepring.data.readers import ground_of, list_sessions, open_session, reader_names
 from deepring.data.session import Session
 from deepring.localization.alignment import (
     Alignment,
@@ -66,7 +66,7 @@ class Row:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("format", choices=list(FORMATS))
+    parser.add_argument("format", choices=reader_names())
     parser.add_argument("root")
     parser.add_argument("--pairs", type=int, default=120)
     parser.add_argument("--refine", action="store_true", help="on the points, too")

@@ -11,7 +11,8 @@ from skimage.transform import radon as skimage_radon
 from timing import Row, timed
 
 from deepring.core.radon import _half_turn, radon
-from deepring.data.cache import RasterCache, ScanSet
+from deepring.data.cache import RasterCache
+from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.rasters import BevRaster, ContextRaster, PolarRaster, Preprocessing, RangeRaster
 from deepring.rasters.bev import disc_mask, scan_to_bev

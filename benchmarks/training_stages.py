@@ -14,9 +14,12 @@ from deepring.training.episodes import OneShotCrossEntropy
 
 WAYS, SCANS = 24, 7
 
-#: `encoder=unet_small` with `representation.pool=2`, and `encoder=unet_stem`.
-SMALL = {"pool": 2, "widths": [8, 16, 32], "convolutions": 1}
-STEM = {"stem": 2, "widths": [16, 32, 64], "convolutions": 1}
+#: `method/encoder=unet_small` with `method.representation.pool=2`, and `method/encoder=unet_stem`.
+SMALL = {
+    "representation": {"pool": 2},
+    "encoder": {"widths": [8, 16, 32], "convolutions": 1},
+}
+STEM = {"encoder": {"stem": 2, "widths": [16, 32, 64], "convolutions": 1}}
 
 
 def episode(
@@ -29,7 +32,7 @@ def episode(
 ) -> Callable[[], object]:
     torch.manual_seed(0)
     rasters = places(WAYS * SCANS).to(device)
-    network = DeepRing(DeepRingSettings(**settings)).to(device)
+    network = DeepRing(DeepRingSettings.from_dict(settings)).to(device)
     if channels_last:
         network = network.to(memory_format=torch.channels_last)
     describe = torch.compile(network) if compiled else network

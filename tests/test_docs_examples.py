@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from deepring.core.rigid import turn_points
-from deepring.data.cache import RasterCache, ScanSet
+from deepring.data.cache import RasterCache
+from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.nn.representation import make_representation
 from deepring.rasters import RASTERS, Preprocessing, make_raster, raster_settings

@@ -21,7 +21,7 @@ from deepring.nn.circular import CircularConv2d
 from deepring.nn.unet import CircularUNet
 from deepring.rasters.bev import bev_occupancy
 from deepring.rasters.polar import polar_gram
-from deepring.training.losses import OneShotCrossEntropy
+from deepring.training.episodes import OneShotCrossEntropy
 from helpers.scenes import scattered
 
 ANGLES, CELLS = 120, 120

@@ -13,6 +13,7 @@ from torch import Tensor
 
 import deepring.core
 import deepring.nn
+import deepring.search
 from deepring.core import similarity
 from deepring.core.correlation import correlation_curves, unit_norm
 from deepring.nn.circular import CircularConv2d, circular_pad
@@ -47,9 +48,9 @@ def test_nothing_is_checked_otherwise():
 
 def functions():
     """Public functions and methods of the checked packages."""
-    for package in (deepring.core, deepring.nn):
+    for package in (deepring.core, deepring.nn, deepring.search):
         for info in pkgutil.iter_modules(package.__path__, package.__name__ + "."):
-            if info.name.endswith("_kernel"):
+            if info.name.rpartition(".")[2].startswith("_"):
                 continue
             module = importlib.import_module(info.name)
             for name, value in vars(module).items():
@@ -72,4 +73,4 @@ def test_every_tensor_of_a_public_function_has_its_axes_named():
             bare += [name] if hint is Tensor else []
             named += isinstance(hint, type) and issubclass(hint, jaxtyping.AbstractArray)
     assert not bare
-    assert named > 60
+    assert named > 90

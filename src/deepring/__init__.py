@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from deepring.core.correlation import circular_cross_correlation as circular_cross_correlation
     from deepring.core.radon import radon as radon
     from deepring.core.spectrum import row_dft_magnitude as row_dft_magnitude
-    from deepring.data.readers.formats import open_session as open_session
+    from deepring.data.readers import open_session as open_session
     from deepring.data.session import Session as Session
     from deepring.errors import ConfigError as ConfigError
     from deepring.errors import DataError as DataError
@@ -27,9 +27,10 @@ if TYPE_CHECKING:
     from deepring.methods.ring_plus_plus import RingPlusPlus as RingPlusPlus
     from deepring.methods.scan_context import ScanContext as ScanContext
     from deepring.rasters import BevRaster as BevRaster
-    from deepring.rasters.preprocessing import Preprocessing as Preprocessing
+    from deepring.rasters import Preprocessing as Preprocessing
     from deepring.search.correlation_index import CorrelationIndex as CorrelationIndex
     from deepring.search.correlation_index import SearchSettings as SearchSettings
+    from deepring.testing import check_method as check_method
 
 __version__ = "0.1.0"
 
@@ -44,17 +45,18 @@ _MODULES = {
     "FileError": "deepring.errors",
     "LoopSettings": "deepring.localization.loops",
     "Map": "deepring.localization.map",
-    "Preprocessing": "deepring.rasters.preprocessing",
+    "Preprocessing": "deepring.rasters",
     "Ring": "deepring.methods.ring",
     "RingPlusPlus": "deepring.methods.ring_plus_plus",
     "ScanContext": "deepring.methods.scan_context",
     "SearchSettings": "deepring.search.correlation_index",
     "Session": "deepring.data.session",
+    "check_method": "deepring.testing",
     "circular_cross_correlation": "deepring.core.correlation",
     "evaluate_method": "deepring.evaluation.protocol",
     "find_loops": "deepring.localization.loops",
     "load_network": "deepring.methods.checkpoint",
-    "open_session": "deepring.data.readers.formats",
+    "open_session": "deepring.data.readers",
     "radon": "deepring.core.radon",
     "row_dft_magnitude": "deepring.core.spectrum",
 }

@@ -2,7 +2,15 @@
 
 
 class DeepringError(ValueError):
-    """A user's mistake or unusable input: what is wrong, where, and what to do."""
+    """A user's mistake or unusable input: what is wrong, where, and what to do.
+
+    ``argument`` names the argument that would mend it, where the message alone does not let a
+    caller tell, such as a command line that adds its flag.
+    """
+
+    def __init__(self, message: str = "", argument: str | None = None) -> None:
+        super().__init__(message)
+        self.argument = argument
 
 
 class ConfigError(DeepringError):

@@ -2,18 +2,13 @@
 
 import csv
 import shutil
-from pathlib import Path
 
 import pytest
-import yaml
 
-from deepring.data.readers.formats import FORMATS
-from deepring.data.readers.scan_files import BINARY
 from deepring.errors import BrokenScanError, DeepringError
 from helpers.cli import deepring, refused, work_of
 from helpers.real_data import real_data
 
-CONF = Path(__file__).parents[2] / "conf" / "data"
 FILES = ["case_study.csv", "case_study.png", "case_study_error.png"]
 
 
@@ -130,14 +125,6 @@ def test_a_file_without_a_visible_point_is_named_with_its_format(tmp_path):
     path.write_bytes(bytes(80))
     with pytest.raises(BrokenScanError, match=r"1\.bin: 10 points as nclt"):
         work_of("case-study", "--format", "nclt", path, "-o", tmp_path / "out")
-
-
-def test_every_format_of_files_has_a_reader_and_the_ground_height_of_its_config():
-    assert set(BINARY) == set(FORMATS) - {"own"}
-    for name in BINARY:
-        ground_z = FORMATS[name].ground_z
-        config = yaml.safe_load((CONF / f"{name}.yaml").read_text(encoding="utf-8"))
-        assert config["ground_z"] == ground_z
 
 
 def test_real_kitti_scans(tmp_path):

@@ -139,7 +139,7 @@ def test_bags_as_a_user_types_them(place_map, second, tmp_path, here):
     assert "drive.bag" in shown.stdout
     localize = ("localize", place_map, several)
     refused(here(*localize), "drive.bag", "/left, /right", "--topic")
-    refused(here(*localize, "--topic", "/up"), "no point clouds on /up", "/left or /right")
+    refused(here(*localize, "--topic", "/up"), "no point clouds on topic /up", "/left or /right")
     refused(here(*localize, "--every", 0), "--every: 0")
     several.write_bytes(several.read_bytes()[:-200])
     refused(here(*localize, "--topic", "/left"), "drive.bag", "cut short")
@@ -236,7 +236,7 @@ def test_a_network_is_exported_once(checkpoint, tmp_path, here):
 
 
 @pytest.fixture
-def own_drive(tiny_nclt, tmp_path):
+def custom_drive(tiny_nclt, tmp_path):
     """Both drives of the tiny streets in one YAML file, the sensor upside down 1.5 m up."""
     described = {"sensor_height": 1.5, "up": "-z", "pose_format": "tum", "drives": {}}
     for name, date in (("first", "2031-02-04"), ("second", "2031-03-17")):
@@ -256,26 +256,27 @@ def own_drive(tiny_nclt, tmp_path):
     return path
 
 
-def test_a_drive_of_ones_own_is_taken_wherever_a_dataset_is(
-    own_drive, tiny_nclt, checkpoint, tmp_path, here
+def test_a_custom_drive_is_taken_wherever_a_dataset_is(
+    custom_drive, tiny_nclt, checkpoint, tmp_path, here
 ):
     checked = here("data", "check", "drive.yaml")
     assert checked.returncode == 0, checked.stderr
     assert {"first", "second"} <= set(checked.stdout.split())
     known = ["--checkpoint", checkpoint]
     built = [*known, "--spacing", 0, "--session"]
-    done = here(*BUILD, "drive.yaml", "-o", "own.map", *built, "first")
+    done = here(*BUILD, "drive.yaml", "-o", "custom.map", *built, "first")
     assert done.returncode == 0, done.stderr
     assert "-1.5 m in the scans' frame" in done.stdout
     assert here(*BUILD, tiny_nclt, "-o", "nclt.map", *built, "2031-02-04").returncode == 0
     # The map is that of the drive as its own reader gives it, but for the sensor's height.
-    own, nclt = (Map.open(tmp_path / f"{name}.map") for name in ("own", "nclt"))
-    assert len(own) == len(nclt) > 50
-    lifted = nclt.poses.numpy() @ pose_from(np.eye(3), [0, 0, 1.5])
-    np.testing.assert_allclose(own.poses.numpy(), lifted, atol=1e-9)
-    assert (own.images != nclt.images).float().mean() < 0.01  # bytes; heights are rounded
+    custom, nclt = (Map.open(tmp_path / f"{name}.map") for name in ("custom", "nclt"))
+    assert len(custom) == len(nclt) > 50
+    lifted = nclt.places.poses @ pose_from(np.eye(3), [0, 0, 1.5])
+    np.testing.assert_allclose(custom.places.poses, lifted, atol=1e-9)
+    images = [one.places.tensors()["images"] for one in (custom, nclt)]
+    assert (images[0] != images[1]).float().mean() < 0.01  # bytes; heights are rounded
     some = ["--session", "second", "--every", 30, "--as", "json"]
-    done = here("localize", "own.map", "drive.yaml", *some)
+    done = here("localize", "custom.map", "drive.yaml", *some)
     assert done.returncode == 0, done.stderr
     rows = [json.loads(line) for line in done.stdout.splitlines()]
     second = open_nclt(tiny_nclt, "2031-03-17")
@@ -289,19 +290,19 @@ def test_a_drive_of_ones_own_is_taken_wherever_a_dataset_is(
     assert "drive.yaml, first" in done.stdout
 
 
-def test_mistakes_in_a_drive_of_ones_own_are_named(own_drive, checkpoint, tmp_path, here):
+def test_mistakes_in_a_custom_drive_are_named(custom_drive, checkpoint, tmp_path, here):
     known = ["--checkpoint", checkpoint]
     refused(here(*BUILD, "drive.yaml", "-o", "a.map", *known), "first, second", "name one")
     refused(here(*BUILD, "none.yaml", "-o", "a.map", *known), "none.yaml", "cannot be read")
-    own_drive.write_text(own_drive.read_text().replace("up: -z", "up: down"))
+    custom_drive.write_text(custom_drive.read_text().replace("up: -z", "up: down"))
     refused(here("data", "check", "drive.yaml"), "drive.yaml", "up: 'down'", "-z")
-    own_drive.write_text("scans: [velodyne")
+    custom_drive.write_text("scans: [velodyne")
     refused(here("loops", "drive.yaml", "-o", "a", *known), "drive.yaml", "no YAML")
     assert not list(tmp_path.glob("a.*"))
 
 
-def test_a_network_is_evaluated_on_a_drive_of_ones_own(own_drive, checkpoint, here):
-    options = ["data=own", "data.root=drive.yaml", "evaluation.regions=[whole]"]
+def test_a_network_is_evaluated_on_a_custom_drive(custom_drive, checkpoint, here):
+    options = ["data=custom", "data.root=drive.yaml", "evaluation.regions=[whole]"]
     options += ["data.split=sessions", "data.database=first", "data.query=second"]
     options += ["evaluation.figures=false", "data.spacing.query=20"]
     done = here("evaluate", f"checkpoint={checkpoint}", *options)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from deepring.evaluation.results import read_results
-from deepring.experiment.config_folder import config_folder
+from deepring.experiment.config_groups import config_folder
 from deepring.experiment.sweep_names import folder_name, naming
 from helpers.cli import DEEPRING, SMALL, deepring, deepring_process, refused
 
@@ -76,8 +76,8 @@ def test_folders_are_named_after_what_is_varied():
     assert (
         excluded("-m", "data.root=/a", "seed=0", "data.root=/a,/b") == "[]"
     )  # the last one counts
-    assert excluded("-m", "ablation=table3", "variant=pg", "seed=0") == '["ablation"]'
-    assert excluded("-m", "variant=pg", "ablation=way") == '["variant","ablation"]'
+    assert excluded("-m", "sweep=table3", "variant=pg", "seed=0") == '["sweep"]'
+    assert excluded("-m", "variant=pg", "sweep=way") == '["variant","sweep"]'
     assert excluded("-m", "seed=range(3)", "+trainer.detect_anomaly=true") == (
         '["+trainer.detect_anomaly","trainer.detect_anomaly"]'
     )
@@ -97,13 +97,13 @@ def test_what_no_sweep_can_be_is_refused(tmp_path):
     refused(
         deepring("train", "-m", "hydra.sweep.dir=", "seed=0,1", cwd=tmp_path), "expected a folder"
     )
-    refused(deepring("train", "-m", "ablation=tabel3", cwd=tmp_path), "tabel3")
+    refused(deepring("train", "-m", "sweep=tabel3", cwd=tmp_path), "tabel3")
     assert not list(tmp_path.rglob("seed-*"))
 
 
 def test_one_failing_job_loses_no_other_and_the_next_start_skips_what_is_done(tiny_nclt, tmp_path):
     command = ["train", "-m", "experiment=demo", f"data.root={tiny_nclt}", *QUICK, "seed=-1,0"]
-    done = refused(deepring(*command, cwd=tmp_path), "seed--1", "expected at least 0")
+    done = refused(deepring(*command, cwd=tmp_path), "seed--1", "of at least 0")
     assert done.returncode == 1
     assert "1 of 2 jobs finished" in done.stdout
     sweep = tmp_path / "outputs" / "sweeps" / "demo_sweep"
@@ -115,7 +115,7 @@ def test_one_failing_job_loses_no_other_and_the_next_start_skips_what_is_done(ti
 
 def test_a_killed_sweep_started_again_ends_in_the_same_figures(tiny_nclt, tmp_path, start):
     command = [
-        *("ablation=table3", "seed=0", "variant=ours,gap", "data=sim_nclt"),
+        *("sweep=table3", "seed=0", "variant=ours,gap", "data=sim_nclt"),
         *(f"data.root={tiny_nclt}", "trainer.max_epochs=40", *LONG),
     ]
     sweeps = tmp_path / "outputs" / "sweeps"
@@ -145,7 +145,7 @@ def test_launchers_run_the_same_jobs(launcher, tiny_nclt, tmp_path):
         *(f"hydra/launcher={launcher}", limits[launcher]),
         cwd=tmp_path,
     )
-    refused(done, "seed--1", "expected at least 0")
+    refused(done, "seed--1", "of at least 0")
     assert "1 of 2 jobs finished" in done.stdout
     assert set(rates(tmp_path / "outputs" / "sweeps" / "demo_sweep")) == {"seed-0"}
 
@@ -153,7 +153,7 @@ def test_launchers_run_the_same_jobs(launcher, tiny_nclt, tmp_path):
 @pytest.mark.filterwarnings("ignore")  # of optuna 2 and sqlalchemy 1, which the sweeper needs
 def test_the_search_maximises_validation_and_tests_nothing(tiny_nclt, tmp_path):
     done = deepring(
-        *("train", "-m", "search=optuna", "experiment=demo", f"data.root={tiny_nclt}"),
+        *("train", "-m", "sweep=optuna", "experiment=demo", f"data.root={tiny_nclt}"),
         *(*QUICK, "hydra.sweeper.n_trials=2"),
         cwd=tmp_path,
     )

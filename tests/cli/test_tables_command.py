@@ -19,8 +19,13 @@ def train(folder, recall=0.5, seed=0, kind="dft", ways=24, data="sim", status="f
         "seed": seed,
         "data": {"name": data},
         "evaluation": {"radii": [10.0]},
-        "representation": {"raster": {"kind": "bev"}},
-        "aggregation": {"kind": kind},
+        "method": {
+            "_target_": "deepring.methods.deepring.DeepRing",
+            "raster": {"kind": "bev"},
+            "representation": {"theta_range": "full"},
+            "aggregation": {"kind": kind},
+            "similarity": {"kind": "correlation"},
+        },
         "loss": {"_target_": "losses.OneShotCrossEntropy"},
         "sampling": {"ways": ways},
     }

@@ -75,6 +75,9 @@ def test_normalisations():
     assert torch.allclose(z.square().mean((-2, -1)), torch.ones(3), atol=1e-5)
     u = unit_norm(x)
     assert torch.allclose(circular_cross_correlation(u, u).score.diagonal(), torch.ones(3))
+    for scale in (1e-3, 1e3):  # however small the values are
+        assert torch.allclose(unit_norm(scale * x), u)
+        assert torch.allclose(standardise(scale * x), z, atol=1e-4)
     assert torch.isfinite(standardise(torch.zeros(1, 4, 4))).all()
     assert torch.isfinite(unit_norm(torch.zeros(1, 4, 4))).all()
 

@@ -25,7 +25,7 @@ from deepring.rasters.polar import polar_gram
 from helpers.scenes import scattered
 
 
-@pytest.mark.parametrize("bins", [12, 13])
+@pytest.mark.parametrize("bins", [12, 13, 14, 15])
 def test_inner_products_equal_those_of_the_full_spectrum(bins):
     a, b = torch.randn(2, 5, bins)
     full = [torch.fft.fft(x, norm="ortho").abs() for x in (a, b)]
@@ -36,7 +36,7 @@ def test_inner_products_equal_those_of_the_full_spectrum(bins):
     assert not torch.allclose((plain[0] * plain[1]).sum(), (full[0] * full[1]).sum(), rtol=1e-2)
 
 
-@pytest.mark.parametrize("bins", [12, 13])
+@pytest.mark.parametrize("bins", [12, 13, 14, 15])
 def test_standardising_the_half_is_standardising_the_full_spectrum(bins):
     a, b = torch.rand(2, 5, bins)
     full = [standardise(torch.fft.fft(x, norm="ortho").abs()) for x in (a, b)]
@@ -66,6 +66,16 @@ def test_exact_symmetries():
     assert_invariant(two_dft, x, lambda t: translate(t).roll(5, -2))
     with pytest.raises(AssertionError):  # a 2-D DFT alone does not undo a translation
         assert_invariant(lambda t: torch.fft.rfft2(t).abs(), x, translate)
+
+
+@pytest.mark.parametrize("shape", [(6, 5), (2, 6, 5), (3, 2, 6, 5)])
+def test_the_second_dft_is_that_of_its_definition_and_keeps_the_norm(shape):
+    x = torch.rand(shape)
+    theta = torch.arange(6)
+    basis = torch.exp(-2j * math.pi * theta[:, None] * theta / 6) / math.sqrt(6)
+    expected = (basis @ x.to(torch.complex64)).abs()
+    assert torch.allclose(column_dft_magnitude(x), expected, atol=1e-5)
+    assert torch.allclose(column_dft_magnitude(x).norm(), x.norm())
 
 
 def ring(points):

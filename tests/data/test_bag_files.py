@@ -6,8 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from deepring.data.readers.bag_files import bag_scans, is_bag
-from deepring.data.readers.scan_files import scan_files
+from deepring.data.scans.bag_files import bag_scans, is_bag
+from deepring.data.scans.scan_files import scan_files
 from deepring.errors import BrokenScanError, DeepringError
 from helpers.bags import KINDS, START, message, write_bag
 
@@ -40,12 +40,12 @@ def test_layouts_survive_the_bag(kind, tmp_path):
 @every_kind
 def test_of_several_topics_one_is_named(kind, tmp_path):
     path = write_bag(tmp_path, kind, {"/left": CLOUDS[:2], "/right": CLOUDS[2:4], "/chat": ["a"]})
-    with pytest.raises(DeepringError, match=r"drive.*on /left, /right; .*--topic"):
+    with pytest.raises(DeepringError, match=r"drive.*on /left, /right; expected the topic"):
         next(bag_scans(path))
     found = [scan.points for scan in bag_scans(path, "/right")]
     assert np.array_equal(found, SCANS[2:4])
     for topic in ("/up", "/chat"):
-        with pytest.raises(DeepringError, match=rf"on {topic}; expected /left or /right"):
+        with pytest.raises(DeepringError, match=rf"on topic {topic}; expected /left or /right"):
             next(bag_scans(path, topic))
 
 

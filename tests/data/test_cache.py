@@ -7,6 +7,7 @@ import signal
 import sqlite3
 import time
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,9 @@ from hypothesis import strategies as st
 
 from deepring.core.rigid import turn_points
 from deepring.data import cache as cache_module
-from deepring.data.cache import RasterCache, Rasters, ScanSet, pack, unpack
+from deepring.data.cache import RasterCache
+from deepring.data.packed_rasters import Rasters, pack, unpack
+from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DeepringError
 from deepring.rasters import (
@@ -139,6 +142,18 @@ def test_a_readers_settings_are_part_of_it(tmp_path):
         scans = replace(scans, session=session(tmp_path / "s", n=2, read=Settled(lift)))
         cache.load(scans, SMALL)
         assert len(reads) == drawn
+
+
+def test_a_named_decoding_is_found_again_wherever_its_code_lies(tmp_path):
+    """Moving or renaming a reader keeps the rasters; another decoding makes them anew."""
+    cache, moved = RasterCache(tmp_path / "cache"), partial(read_npy)
+    scans = [
+        replace(session(tmp_path / "s", n=2, read=read), decoding=decoding)
+        for read, decoding in ((read_npy, "npy"), (moved, "npy"), (read_npy, "npy 2"))
+    ]
+    for one, made in zip(scans, (2, 2, 4), strict=True):
+        cache.load(ScanSet(one, np.arange(2)), SMALL)
+        assert len(reads) == made
 
 
 @settings(max_examples=60, deadline=None)
@@ -435,7 +450,7 @@ def test_a_damaged_file_is_an_error_that_says_what_to_delete(damage, tmp_path):
     cache, scans = RasterCache(tmp_path / "cache"), scan_set(tmp_path / "s", n=40)
     cache.load(scans, SMALL)
     damage(cache.path)
-    with pytest.raises(DeepringError, match=r"paths\.cache.*delete") as caught:
+    with pytest.raises(DeepringError, match=r"raster cache.*delete") as caught:
         cache.load(scans, SMALL)
     assert str(cache.path) in str(caught.value)
     cache.path.unlink()
@@ -444,9 +459,9 @@ def test_a_damaged_file_is_an_error_that_says_what_to_delete(damage, tmp_path):
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(DeepringError, match=r"paths\.cache"):
+    with pytest.raises(DeepringError, match="raster cache"):
         RasterCache(tmp_path / "file").load(scan_set(tmp_path / "s", n=1), SMALL)
-    with pytest.raises(DeepringError, match=r"paths\.cache"):
+    with pytest.raises(DeepringError, match="raster cache"):
         RasterCache(tmp_path / "file" / "cache").load(scan_set(tmp_path / "s", n=1), SMALL)
 
 

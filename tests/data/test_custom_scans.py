@@ -1,4 +1,4 @@
-"""Scans of one's own: axes turned z up without mirroring, and what should not be seen left out."""
+"""Scans of custom drives: turned z up without mirroring, cropped of what should not be seen."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deepring.data.readers.custom_scans import UP, CustomScans
+from deepring.data.readers.custom.custom_scans import UP, CustomScans
 from deepring.errors import BrokenScanError
 from deepring.rasters import BevRaster
 

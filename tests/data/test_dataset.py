@@ -8,8 +8,8 @@ import torch
 from scipy.spatial import KDTree
 
 from deepring.data import dataset as dataset_module
-from deepring.data.cache import ScanSet
 from deepring.data.dataset import DatasetConfig, PlaceDataset, Regions, Spacing, distances_between
+from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.errors import DeepringError
 
@@ -234,7 +234,7 @@ def test_revisits_obey_the_region(revisited):
 
 
 def test_a_drive_without_revisits_says_so(revisited):
-    with pytest.raises(DeepringError, match=r"data\.split.*laps.*data\.revisit_apart=100 m"):
+    with pytest.raises(DeepringError, match=r"data\.split.*laps.*revisit_apart=100 m"):
         revisited(laps(rounds=1, n=100), revisit_radius=1.0).retrieval("whole")
 
 
@@ -257,6 +257,15 @@ def test_distances_are_taken_in_float64():
     assert distances[0].tolist() == pytest.approx([0.01, np.hypot(2.99, 4)], rel=1e-6)
     coarse = torch.from_numpy(session.positions).float()
     assert torch.linalg.vector_norm(coarse[2] - coarse[0]) != pytest.approx(0.01, rel=0.1)
+
+
+def test_messages_begin_where_the_config_stands(config):
+    with pytest.raises(DeepringError, match=r"^test_data\.nclt\.split: 'both'"):
+        PlaceDataset(replace(config, split="both"), "test_data.nclt")
+    nowhere = [{"disc": {"center": [5000, 5000], "radius": 10}}]
+    dataset = PlaceDataset(replace(config, regions=Regions(test=nowhere)), "test_data.nclt")
+    with pytest.raises(DeepringError, match=r"^test_data\.nclt\.regions\.test: no usable scan"):
+        dataset.retrieval("test")
 
 
 def test_a_session_that_would_find_itself_is_refused(tiny_nclt):

@@ -1,6 +1,7 @@
-"""The YAML file of one's own drives: what it means, and each mistake as one clear error."""
+"""The YAML file of custom drives: what it means, and each mistake as one clear error."""
 
 from contextlib import suppress
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -8,8 +9,8 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from deepring.data.readers.custom import open_own
-from deepring.data.readers.drive_file import _KINDS, is_drive_file, read_drives
+from deepring.data.readers.custom import open_custom
+from deepring.data.readers.custom.drive_file import DriveSchema, is_drive_file, read_drives
 from deepring.errors import DeepringError
 
 LEAST = {"scans": "scans", "poses": "poses.txt", "sensor_height": 1.5}
@@ -80,7 +81,7 @@ def test_a_sensors_pose_may_be_written_in_several_ways(value, described, tmp_pat
         ({"poses": ""}, ["poses: ''"]),
         ({"scans": None}, ["scans: None"]),
         ({"name": 2012}, ["name: 2012", "quotes"]),
-        ({"format": "las"}, ["format: 'las'", "nclt, mulran, kitti"]),
+        ({"format": "las"}, ["format: 'las'", "kitti, mulran, nclt"]),
         ({"pose_format": "euroc"}, ["pose_format: 'euroc'", "kitti, tum"]),
         ({"up": "w"}, ["up: 'w'", "x, y, z, -x, -y, -z"]),
         ({"up": ["z"]}, ["up: ['z']"]),
@@ -180,7 +181,7 @@ values = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
     max_leaves=6,
 )
-keys = st.sampled_from(["name", "drives", "other", *_KINDS])
+keys = st.sampled_from(["name", "drives", "other", *(key.name for key in fields(DriveSchema))])
 
 
 @SAME_FOLDER
@@ -198,4 +199,4 @@ def test_any_text_is_refused_by_a_clear_error(described, text):
     path = described("")
     path.write_text(text, encoding="utf-8", errors="surrogatepass")
     with pytest.raises(DeepringError):
-        open_own(path)
+        open_custom(path)

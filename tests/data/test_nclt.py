@@ -7,14 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from deepring.core.rigid import yaw_of
-from deepring.data.readers.nclt import (
-    decode_nclt,
-    list_nclt,
-    open_nclt,
-    read_ground_truth,
-    read_nclt_scan,
-    read_velodyne_hits,
-)
+from deepring.data.readers import open_session
+from deepring.data.readers.nclt import list_nclt, open_nclt, read_ground_truth, read_nclt_scan
 from deepring.errors import BrokenScanError, DeepringError
 from helpers.real_data import real_data
 
@@ -57,13 +51,12 @@ def write_drive(scans, truth, count=5, rows=()):
     st.integers(0, 255),
     st.integers(0, 31),
 )
-def test_decoding_inverts_encoding(values, intensity, laser):
-    found = decode_nclt(encode([(*xyz, intensity, laser) for xyz in values]))
-    assert found.points.dtype == np.float32
-    back = np.rint((found.points * [1, -1, -1] + 100) / 0.005)
-    np.testing.assert_array_equal(back, values)
-    assert (found.intensity == intensity).all()
-    assert (found.laser == laser).all()
+def test_decoding_inverts_encoding(tmp_path, values, intensity, laser):
+    path = tmp_path / "1.bin"
+    path.write_bytes(encode([(*xyz, intensity, laser) for xyz in values]))
+    points = read_nclt_scan(path)
+    assert points.dtype == np.float32
+    np.testing.assert_array_equal(np.rint((points * [1, -1, -1] + 100) / 0.005), values)
 
 
 @SAME_FOLDER
@@ -83,17 +76,19 @@ def test_a_missing_file_is_a_broken_scan(tmp_path):
         read_nclt_scan(tmp_path / "none.bin")
 
 
-def test_coordinates_are_unsigned():
-    data = encode([(raw(70), raw(0), raw(0), 0, 0)])
-    assert decode_nclt(data).points[0, 0] == pytest.approx(70, abs=1e-4)
+def test_coordinates_are_unsigned(tmp_path):
+    path = tmp_path / "1.bin"
+    path.write_bytes(encode([(raw(70), raw(0), raw(0), 0, 0)]))
+    assert read_nclt_scan(path)[0, 0] == pytest.approx(70, abs=1e-4)
     # The misreading: int16 throws a point 70 m ahead to 258 m behind.
-    assert np.frombuffer(data, "<i2")[0] * 0.005 - 100 == pytest.approx(-257.68)
+    assert np.fromfile(path, "<i2")[0] * 0.005 - 100 == pytest.approx(-257.68)
 
 
-def test_both_y_and_z_change_sign():
+def test_both_y_and_z_change_sign(tmp_path):
     """A point ahead, to the right and below in the file is ahead, right and below here."""
-    found = decode_nclt(encode([(raw(10), raw(4), raw(2), 0, 0)])).points[0]
-    np.testing.assert_allclose(found, [10, -4, -2], atol=1e-4)
+    path = tmp_path / "1.bin"
+    path.write_bytes(encode([(raw(10), raw(4), raw(2), 0, 0)]))
+    np.testing.assert_allclose(read_nclt_scan(path)[0], [10, -4, -2], atol=1e-4)
 
 
 def test_a_left_turn_is_counter_clockwise(tmp_path):
@@ -229,7 +224,7 @@ def test_all_broken_or_no_scans_is_an_error(tmp_path):
 def test_no_ground_truth_and_other_dates_are_errors(tmp_path):
     truth = tmp_path / f"groundtruth_{DATE}.csv"
     write_drive(tmp_path / DATE / "velodyne_sync", truth)
-    with pytest.raises(DeepringError, match=r"no scans of session '2013-01-01'[\s\S]*<date>_vel"):
+    with pytest.raises(DeepringError, match=r"no scans of session '2013-01-01'"):
         open_nclt(tmp_path, "2013-01-01")
     truth.unlink()
     with pytest.raises(DeepringError, match=rf"no groundtruth_{DATE}\.csv"):
@@ -238,8 +233,11 @@ def test_no_ground_truth_and_other_dates_are_errors(tmp_path):
 
 def test_a_folder_of_another_data_set_is_named(tmp_path):
     (tmp_path / "Sejong01" / "Ouster").mkdir(parents=True)
-    with pytest.raises(DeepringError, match="looks like a MulRan folder: use data=mulran"):
-        open_nclt(tmp_path, DATE)
+    with pytest.raises(
+        DeepringError, match="looks like a MulRan folder: use format mulran"
+    ) as caught:
+        open_session("nclt", tmp_path, DATE)
+    assert "<date>_vel/<date>/velodyne_sync/<utime>.bin" in str(caught.value)
 
 
 def test_a_root_that_does_not_exist_is_an_error(tmp_path):
@@ -247,46 +245,10 @@ def test_a_root_that_does_not_exist_is_an_error(tmp_path):
         open_nclt(tmp_path / "none", DATE)
 
 
-def packet(utime, hits):
-    return struct.pack("<4HIQ4x", *[44444] * 4, len(hits), utime) + encode(hits)
-
-
-@SAME_FOLDER
-@given(st.lists(st.tuples(st.integers(0, 2**63), st.integers(1, 5)), max_size=4), st.data())
-def test_packets_round_trip_and_truncation_is_a_broken_scan(tmp_path, packets, data):
-    path = tmp_path / "velodyne_hits.bin"
-    hit = (raw(1), raw(2), raw(3), 9, 12)
-    whole = b"".join(packet(utime, [hit] * count) for utime, count in packets)
-    path.write_bytes(whole)
-    found = list(read_velodyne_hits(path))
-    assert [(utime, len(hits.points)) for utime, hits in found] == packets
-    for _, hits in found:
-        np.testing.assert_allclose(hits.points, [[1, -2, -3]] * len(hits.points), atol=1e-4)
-    ends = np.cumsum([0] + [24 + 8 * count for _, count in packets])
-    cut = data.draw(st.integers(0, len(whole)))
-    path.write_bytes(whole[:cut])
-    if cut in ends:
-        assert len(list(read_velodyne_hits(path))) == list(ends).index(cut)
-    else:
-        with pytest.raises(BrokenScanError, match="cut off"):
-            list(read_velodyne_hits(path))
-
-
-def test_packets_without_magic_and_missing_files_are_broken(tmp_path):
-    path = tmp_path / "velodyne_hits.bin"
-    path.write_bytes(packet(1, []) + bytes(24))
-    with pytest.raises(BrokenScanError, match="packet at byte 24: no packet"):
-        list(read_velodyne_hits(path))
-    with pytest.raises(BrokenScanError, match="cannot be read"):
-        list(read_velodyne_hits(tmp_path / "none.bin"))
-
-
 @pytest.mark.parametrize(("name", "count"), [("1326652795280148", 23546), ("disco_test", 26941)])
 def test_real_scans(name, count):
-    scan = decode_nclt(real_data("nclt_scans", f"{name}.bin").read_bytes())
-    points = scan.points
+    points = read_nclt_scan(real_data("nclt_scans", f"{name}.bin"))
     assert points.shape == (count, 3)
-    assert set(scan.laser) == set(range(32))
     assert np.abs(points).max() < 100
     assert points[:, 0].max() > 63.8  # int16 would have thrown these away
     # The densest layer is the ground: near the body origin's height, 0.96 m below the sensor.

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deepring.data.readers.point_cloud2 import cloud_points
+from deepring.data.scans.point_cloud2 import cloud_points
 from deepring.errors import BrokenScanError
 from helpers.bags import message
 
@@ -89,7 +89,9 @@ def test_what_is_no_cloud_of_points_says_so():
         cloud_points(cloud)
     cloud = message(POINTS)
     cloud.fields[2].offset = 10
-    with pytest.raises(BrokenScanError, match="expected x, y and z within the 12 bytes"):
+    with pytest.raises(
+        BrokenScanError, match="at bytes 0, 4, 10; expected them within the 12 bytes"
+    ):
         cloud_points(cloud)
     cloud = message(POINTS)
     cloud.data = cloud.data[:-1]

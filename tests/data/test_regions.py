@@ -1,6 +1,7 @@
 """Regions: geometry against loops and formulas, UTM precision, and every malformed spec named."""
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -66,6 +67,43 @@ def test_polygon_against_the_even_odd_rule():
     assert 0 < sum(brute) < len(brute)
     # Its convex hull, or its bounding box, would take in the notch.
     assert not Polygon(CORNERS).contains(np.array([[8.0, 8.0]])).any()
+
+
+lattice = st.tuples(st.integers(-4, 4), st.integers(-4, 4))
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(lattice, min_size=3, max_size=7))
+def test_polygons_of_any_kind_against_exact_arithmetic_border_included(vertices):
+    """Whole numbers leave no rounding: edges, vertices, spikes and crossings of all sorts."""
+    exact = [(Fraction(x), Fraction(y)) for x, y in vertices]
+    points = [(Fraction(x, 2), Fraction(y, 2)) for x in range(-9, 10) for y in range(-9, 10)]
+    expected = [on_border(exact, *p) or crosses(exact, *p) for p in points]
+    shape = Polygon(tuple((float(x), float(y)) for x, y in vertices))
+    assert shape.contains(np.array(points, dtype=np.float64)).tolist() == expected
+
+
+def on_border(vertices, x, y):
+    """On an edge or a vertex, one edge at a time."""
+    for (x0, y0), (x1, y1) in zip(vertices, (*vertices[1:], vertices[0]), strict=True):
+        along = (x1 - x0) * (y - y0) == (y1 - y0) * (x - x0)
+        if along and min(x0, x1) <= x <= max(x0, x1) and min(y0, y1) <= y <= max(y0, y1):
+            return True
+    return False
+
+
+def test_edges_and_vertices_of_a_polygon_are_inside():
+    border = [(0, 0), (10, 0), (10, 4), (4, 4), (5, 0), (10, 2), (7, 4), (4, 7), (0, 10), (0, 3)]
+    assert Polygon(CORNERS).contains(np.array(border, dtype=float)).all()
+    # On the lines that go on from the edges, but beyond their ends.
+    beyond = [(11, 0), (-1, 0), (10, 5), (4, 11), (11, 4), (0, -1), (0, 11)]
+    assert not Polygon(CORNERS).contains(np.array(beyond, dtype=float)).any()
+
+
+def test_where_a_border_crosses_itself_twice_around_is_outside():
+    angle = np.pi / 2 + np.arange(5) * 4 * np.pi / 5
+    star = Polygon(tuple(zip(np.cos(angle), np.sin(angle), strict=True)))
+    assert star.contains(np.array([[0.0, 0.9], [0.0, 0.0]])).tolist() == [True, False]
 
 
 def test_polygon_ignores_orientation_start_and_a_repeated_last_vertex():

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deepring.data.readers.scan_files import read_scan, scan_files
+from deepring.data.scans.scan_files import read_scan, scan_files
 from deepring.errors import BrokenScanError, DeepringError
 
 POINTS = np.random.default_rng(0).normal(0, 20, (50, 3)).astype(np.float32)

@@ -6,8 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
-from deepring.data.readers.listing import Listing
-from deepring.data.readers.trajectory import Trajectory, match_scans, read_table, stamped_rows
+from deepring.data.poses.matching import match_scans
+from deepring.data.poses.pose_tables import read_table, stamped_rows
+from deepring.data.poses.trajectory import Trajectory
+from deepring.data.scans.listing import Listing
 from deepring.errors import DeepringError
 
 MS = 1_000_000
@@ -185,9 +187,17 @@ def test_a_table_that_is_none_is_an_error(tmp_path, text):
         read_table(path, stamped_rows(2), ",", "a stamp and 2 numbers")
 
 
+@pytest.mark.parametrize("bad", ["1,2", "1,2,3,4", "1,2,x", "1.5,2,3", "9223372036854775808,2,3"])
+def test_the_first_row_that_is_none_is_shown(tmp_path, bad):
+    path = tmp_path / "poses.csv"
+    path.write_text(f"# a comment\n1,2,3\n\n{bad}\nand worse\n")
+    with pytest.raises(DeepringError, match=rf"poses\.csv: line 4 reads '{bad}'; expected"):
+        read_table(path, stamped_rows(2), ",", "a stamp and 2 numbers")
+
+
 def test_a_table_that_is_binary_or_missing_is_an_error(tmp_path):
     path = tmp_path / "poses.csv"
     path.write_bytes(b"\xff\xfe\x00\x9f\n")
-    for file in (path, tmp_path / "none.csv"):
-        with pytest.raises(DeepringError, match="cannot be read as a table"):
+    for file, reason in ((path, "is no text"), (tmp_path / "none.csv", "cannot be read")):
+        with pytest.raises(DeepringError, match=rf"{file.name}: {reason}.*a stamp and 2 numbers"):
             read_table(file, stamped_rows(2), ",", "a stamp and 2 numbers")

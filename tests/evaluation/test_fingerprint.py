@@ -11,17 +11,18 @@ from torch import nn
 from deepring.data.cache import RASTER_VERSION
 from deepring.errors import DeepringError
 from deepring.evaluation.fingerprint import digest_of, fingerprint, first_difference
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRing
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
 from deepring.rasters import BevRaster, ContextRaster, PolarRaster, Preprocessing, raster_settings
+from helpers.networks import deepring_settings
 
 
 def network(seed=0, **changes):
     torch.manual_seed(seed)
     raster = raster_settings(changes.pop("raster", BevRaster(cells=32)))
     values = {"raster": raster, "angles": 32, "bins": 32, "widths": (4, 6)}
-    return DeepRing(DeepRingSettings(**{**values, **changes}))
+    return DeepRing(deepring_settings(**{**values, **changes}))
 
 
 def test_the_fingerprint_of_a_method_without_weights():
@@ -76,7 +77,7 @@ def test_the_first_difference_is_named_with_both_values():
     assert differ(Ring(), Ring(angles=60)) == ("values.angles", 120, 60)
     assert differ(Ring(), ScanContext(ContextRaster())) == ("method", "ring", "scan_context")
     assert differ(network(), network(normalisation="standard")) == (
-        "settings.normalisation",
+        "settings.similarity.normalisation",
         "unit",
         "standard",
     )

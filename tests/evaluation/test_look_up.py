@@ -6,11 +6,12 @@ import torch
 from deepring.errors import DeepringError
 from deepring.evaluation.look_up import fill_index, look_up
 from deepring.methods.base import Comparison
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRing
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
 from deepring.rasters import BevRaster, ContextRaster, HeightRaster, raster_settings
+from helpers.networks import deepring_settings
 
 BEV, CONTEXT = BevRaster(cells=24), ContextRaster(sectors=24, rings=8)
 HEIGHTS = HeightRaster(layers=2, sectors=24, rings=16)
@@ -26,7 +27,7 @@ METHODS = {
     "Scan Context": lambda: ScanContext(CONTEXT),
     "DeepRING": lambda: network(
         DeepRing,
-        DeepRingSettings(raster=raster_settings(BEV), angles=24, bins=24, widths=(4, 6)),
+        deepring_settings(raster=raster_settings(BEV), angles=24, bins=24, widths=(4, 6)),
     ),
     "DiSCO": lambda: network(
         Disco, DiscoSettings(raster=raster_settings(HEIGHTS), widths=(4, 6), size=8, aligned=None)

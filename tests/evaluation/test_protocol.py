@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from deepring.data.cache import Rasters, ScanSet, pack
 from deepring.data.dataset import RetrievalSet
+from deepring.data.packed_rasters import Rasters, pack
+from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.errors import DeepringError
 from deepring.evaluation import protocol

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 
-from deepring.cli.train_commands import config_folder
 from deepring.data.readers.nclt import open_nclt
-from deepring.experiment.config import check_config, register_schema
+from deepring.experiment.config import check_config
+from deepring.experiment.config_groups import config_folder, register_configs
 
 
 @pytest.fixture(scope="session")
 def compose_in():
     """A function from an output folder and overrides to a checked config."""
-    register_schema()
+    register_configs()
 
     def make(outputs, *overrides, name="train"):
         folders = [f"paths.outputs={outputs}", f"paths.run={outputs / 'run'}"]

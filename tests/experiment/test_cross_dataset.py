@@ -115,10 +115,9 @@ def test_overlap_is_refused_left_out_or_allowed(crossing, caplog):
     datasets, _ = build.datasets(cfg)
     splits = plan_evaluation(cfg, after=True).splits
     with pytest.raises(DeepringError, match="overlap=allow"):
-        check_overlap(cfg, datasets, splits)
-    cfg.overlap = "leave_out"
+        check_overlap(cfg.overlap, datasets, splits)
     with caplog.at_level("INFO"):
-        check_overlap(cfg, datasets, splits)
+        check_overlap("leave_out", datasets, splits)
     assert "sim_nclt whole holds training scans: it is left out" in caplog.text
 
 
@@ -128,7 +127,7 @@ def test_kept_descriptors_carry_what_they_were_made_of(crossing, tmp_path):
     path = tmp_path / "run" / "descriptors" / "DeepRING__sim_mulran__test__query.safetensors"
     kept = read_descriptors(path)
     assert kept.train == "sim_nclt"
-    assert kept.made_by["settings"]["pool"] == 2
+    assert kept.made_by["settings"]["representation"]["pool"] == 2
 
 
 def test_one_dataset_twice_is_refused(composed, tiny_nclt):

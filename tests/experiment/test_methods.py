@@ -1,26 +1,26 @@
 """Every method's config: it composes, names its command, trains, and is loaded as what it is."""
 
 import pytest
+from hydra.errors import ConfigCompositionException
 from omegaconf import OmegaConf
 from test_train import SMALL
 
-from deepring.cli.train_commands import config_folder
 from deepring.errors import DeepringError
 from deepring.experiment import build
+from deepring.experiment.config_groups import config_folder
 from deepring.experiment.plan import plan_evaluation
+from deepring.experiment.record import record_of
 from deepring.experiment.train import train
 from deepring.methods.checkpoint import load_network
 
-METHODS = sorted(
-    path.stem for path in (config_folder() / "method").glob("*.yaml") if path.stem != "other"
-)
+METHODS = sorted(path.stem for path in (config_folder() / "method").glob("*.yaml"))
 FIXED = ("ring", "ring_plus_plus", "scan_context", "scan_context_120")
 LEARNED = [name for name in METHODS if name not in FIXED]
 DATA = SMALL[3:]
 
 #: The tiny streets hold few scans: small batches, and other places from 20 m on.
 TINY = {
-    "deepring": ["encoder=unet_small", *SMALL[:3]],
+    "deepring": ["method/encoder=unet_small", *SMALL[:3]],
     "pointnetvlad": [
         *("method.raster.count=64", "method.second=[8,8]", "method.clusters=2"),
         *("sampling.negatives=2", "sampling.hard=1", "sampling.hard_from=0"),
@@ -52,11 +52,11 @@ def tiny(method):
 @pytest.mark.parametrize("method", METHODS)
 def test_each_method_names_its_command_and_says_whether_it_learns(method, composed):
     lines = (config_folder() / "method" / f"{method}.yaml").read_text().splitlines()
-    assert lines[1] == f"# deepring train method={method}"
+    assert f"# deepring train method={method}" in lines[:2]
     cfg = composed("data.root=/nowhere", f"method={method}")
-    assert build.learns(cfg) == (method in LEARNED)
+    assert build.learns(cfg.method) == (method in LEARNED)
     if method in LEARNED:
-        network = build.network(cfg)
+        network = build.method(cfg.method)
         module = build.module(cfg, [], network)
         module.configure_optimizers()
         assert network.raster.preprocessing.clearance == 0.5  # the comparison's
@@ -81,7 +81,7 @@ def test_each_learned_method_trains_and_its_checkpoint_knows_it(
     trained = train(cfg, tmp_path / "run")
     loaded = load_network(trained.checkpoint).method
     assert {r.case.method for r in trained.results} == {loaded.settings.label}
-    assert loaded.settings == build.network_settings(cfg)
+    assert loaded.settings == build.network_settings(cfg.method)
     kept = OmegaConf.load(tmp_path / "run" / "config.yaml")
     assert kept.method._target_.endswith(type(loaded).__name__)
 
@@ -113,13 +113,15 @@ def test_without_a_method_the_checkpoints_is_taken(disco_run, composed, tiny_ncl
     cfg = composed(f"data.root={tiny_nclt}", *DATA, name="evaluate")
     plan = plan_evaluation(cfg, disco_run.checkpoint)
     assert plan.network.settings.label == "DiSCO"
-    assert cfg.method["_target_"] == "deepring.methods.disco.Disco"
-    assert cfg.representation is None
+    assert plan.record["method"] == {
+        "_target_": "deepring.methods.disco.Disco",
+        **plan.network.settings.to_dict(),
+    }
 
 
 def test_a_run_is_not_resumed_as_another_method(disco_run, composed, tiny_nclt, tmp_path):
     last = disco_run.folder / "checkpoints" / "last.ckpt"
-    cfg = composed(f"data.root={tiny_nclt}", *SMALL, "encoder=unet_small", f"resume={last}")
+    cfg = composed(f"data.root={tiny_nclt}", *SMALL, "method/encoder=unet_small", f"resume={last}")
     with pytest.raises(DeepringError, match="trained with other method"):
         train(cfg, tmp_path / "run")
 
@@ -127,18 +129,41 @@ def test_a_run_is_not_resumed_as_another_method(disco_run, composed, tiny_nclt, 
 @pytest.mark.parametrize(
     ("overrides", "complaint"),
     [
-        (["method=disco", "representation=polar_gram"], "representation: a group of DeepRING"),
-        (["method=disco", "sampling=episodes"], r"sampling\.per_batch: unknown to EpisodeScheme"),
+        (["method=disco", "sampling=episodes"], r"sampling\.per_batch: unknown, expected one of"),
         (["sampling=tuples"], "loss: OneShotCrossEntropy, expected .*TupleLoss"),
         (["method=disco", "loss=batch_hard"], "loss: BatchHardTriplet, expected .*TupleLoss"),
         (["method=disco", "method.size=64"], r"disco\.size: 64"),
-        (["method=disco", "+method.depth=3"], "DiSCO settings.*depth"),
+        (["method=disco", "+method.depth=3"], r"method\.depth: unknown, expected one of raster, w"),
+        (["+method.encoder.depth=3"], r"method\.encoder\.depth: unknown, expected one of widths"),
         (["method=disco", "method.raster.kind=bev"], "raster 'bev'"),
-        (["method=deepring", "~encoder"], "encoder: null, but DeepRING"),
-        (["method._target_=deepring.methods.ring.Rang"], "Rang"),
+        (["method.encoder.widths=8"], r"method\.encoder\.widths: 8, expected a list, each a whole"),
+        (["method.encoder.stem=two"], r"method\.encoder\.stem: 'two', expected a whole number"),
+        (["method.encoder=null"], r"method\.encoder: None, expected settings by name: widths"),
+        (["method.representation.theta_range=third"], r"theta_range: 'third', .* 'full' or 'half'"),
+        (["method._target_=deepring.methods.ring.Rang"], r"method\._target_: .*Rang"),
+        (["method=ring", "method.angles=many"], r"method\.angles: 'many', expected a whole number"),
+        (["method=ring", "+method.angels=60"], r"method\.angels: unknown, expected one of angles"),
     ],
 )
-def test_what_does_not_go_together_is_refused(overrides, complaint, composed, tmp_path):
+def test_what_does_not_go_together_is_refused(overrides, complaint, composed):
     cfg = composed("data.root=/nowhere", *overrides)
     with pytest.raises(DeepringError, match=complaint):
-        build.module(cfg, [], build.network(cfg))
+        build.module(cfg, [], build.method(cfg.method))
+
+
+def test_deeprings_groups_are_refused_with_another_method(composed):
+    with pytest.raises(ConfigCompositionException, match="method/representation"):
+        composed("data.root=/nowhere", "method=disco", "method/representation=polar_gram")
+
+
+def test_one_node_is_the_method_and_one_evaluated_besides(composed):
+    cfg = composed("data.root=/nowhere", "method=ring")
+    assert cfg.method == cfg.methods["ring"]
+    further = composed("data.root=/nowhere", "+method@methods.plus=ring_plus_plus")
+    assert "RING++" in build.fixed_methods(further)
+
+
+def test_of_a_method_that_learns_nothing_no_training_is_recorded(composed):
+    record = record_of(composed("data.root=/nowhere", "method=ring"))
+    assert record["loss"] is record["optimizer"] is record["sampling"] is None
+    assert record_of(composed("data.root=/nowhere"))["loss"]["temperature_scale"] == 100

@@ -9,9 +9,9 @@ import pytest
 from hydra import compose, initialize_config_dir
 from test_train import SMALL
 
-from deepring.cli.train_commands import config_folder
 from deepring.errors import FileError
-from deepring.experiment.config import check_config, register_schema
+from deepring.experiment.config import check_config
+from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.train import train
 from deepring.methods.checkpoint import load_network
 
@@ -27,7 +27,7 @@ def test_the_docs_method_trains_from_its_file_and_its_config(tiny_nclt, tmp_path
     monkeypatch.syspath_prepend(str(tmp_path))
     conf = shutil.copytree(config_folder(), tmp_path / "conf")
     (conf / "method" / "mine.yaml").write_text(config.replace("deepring.methods.mine", "mine"))
-    register_schema()
+    register_configs()
     with initialize_config_dir(str(conf), version_base="1.3"):
         composed = compose(
             "train",

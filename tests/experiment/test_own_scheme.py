@@ -12,7 +12,8 @@ from test_train import SMALL
 
 from deepring.cli.train_commands import config_folder
 from deepring.errors import ConfigError
-from deepring.experiment.config import check_config, register_schema
+from deepring.experiment.config import check_config
+from deepring.experiment.config_groups import register_configs
 from deepring.experiment.train import train
 
 PAGE = Path(__file__).parents[2] / "docs" / "comparison.md"
@@ -29,7 +30,7 @@ def trained(tiny_nclt, tmp_path, monkeypatch):
     for config in re.findall(r"```yaml\n(.*?)```", section, re.DOTALL):
         path = re.match(r"# conf/(\S+)", config)[1]
         (conf / path).write_text(config.replace("deepring.training.pairs", "pairs"))
-    register_schema()
+    register_configs()
     monkeypatch.setattr("sys.dont_write_bytecode", True)
 
     def run(name, epochs, *overrides):

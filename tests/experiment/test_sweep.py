@@ -101,7 +101,7 @@ def _until(count, then):
 
 def test_every_epoch_can_be_gone_on_from_although_none_is_better(config, tmp_path, caplog):
     folder = tmp_path / "job"
-    still = ("optimizer.lr=0", "encoder.norm=none", "trainer.max_epochs=3", "evaluate=false")
+    still = ("optimizer.lr=0", "method.encoder.norm=none", "trainer.max_epochs=3", "evaluate=false")
     with caplog.at_level("INFO", logger="deepring"):
         run_job(config(folder, *still), folder)
     # The validation recall never moves: the first epoch is the best, and the third the last.
@@ -177,7 +177,7 @@ def test_a_folder_of_another_config_is_refused_and_stays(config, tmp_path):
 
 def test_a_failure_is_kept_and_tried_again(config, tmp_path):
     folder = tmp_path / "job"
-    wide = ("encoder.widths=[2,2,2,2,2,2]", "trainer.max_epochs=1")  # 32 does not divide 60
+    wide = ("method.encoder.widths=[2,2,2,2,2,2]", "trainer.max_epochs=1")  # 32 does not divide 60
     with pytest.raises(DeepringError, match=r"encoder\.widths"):
         run_job(config(folder, *wide), folder)
     status = read_status(folder)

@@ -8,9 +8,9 @@ import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from deepring.cli.train_commands import config_folder
 from deepring.errors import DeepringError
 from deepring.evaluation.results import COLUMNS, read_results
+from deepring.experiment.config_groups import config_folder
 from deepring.experiment.evaluate import evaluate
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.train import train
@@ -144,7 +144,7 @@ def test_tensorboard_holds_scalars_figures_curves_and_hyperparameters(small_run)
 
 def test_evaluating_the_checkpoint_again_gives_the_same_figures(small_run, tmp_path):
     cfg, trained = small_run
-    again = evaluate(cfg, tmp_path / "again", plan_evaluation(cfg, trained.checkpoint))
+    again = evaluate(plan_evaluation(cfg, trained.checkpoint), tmp_path / "again")
     for a, b in zip(trained.results, again, strict=True):
         assert (a.case, a.radius_m, a.recall_1, a.auc) == (
             b.case,
@@ -157,7 +157,7 @@ def test_evaluating_the_checkpoint_again_gives_the_same_figures(small_run, tmp_p
 def test_how_good_at_25_m_over_all_queries_needs_no_code(composed, tiny_nclt, tmp_path):
     choice = ("evaluation.radii=[25]", "evaluation.over=all", "evaluation.figures=false")
     cfg = composed(f"data.root={tiny_nclt}", *choice, name="evaluate")
-    results = evaluate(cfg, tmp_path / "run", plan_evaluation(cfg))
+    results = evaluate(plan_evaluation(cfg), tmp_path / "run")
     assert [r.radius_m for r in results] == [25, 25, 25]
     assert "all queries" in (tmp_path / "run" / "results.md").read_text()
 
@@ -179,7 +179,7 @@ def test_resume_from_nothing_is_refused_before_anything_is_written(composed, tin
     ("override", "complaint"),
     [
         ("data.regions.test=[{disc: {center: [9e3, 9e3], radius: 5}}]", r"data\.regions\.test"),
-        ("+methods.ring.foo=1", r"methods\.ring"),
+        ("+methods.ring.foo=1", r"methods\.ring\.foo: unknown, expected one of angles"),
         ("trainer.precision=bf16-true", r"trainer\.precision"),
     ],
 )
@@ -214,10 +214,10 @@ def test_resuming_another_network_is_refused_and_changes_nothing(small_run, comp
         "experiment=demo",
         f"data.root={tiny_nclt}",
         *SMALL,
-        "encoder.widths=[4,8]",
+        "method.encoder.widths=[4,8]",
         f"resume={checkpoint}",
     )
-    with pytest.raises(DeepringError, match=r"resume: .* other widths"):
+    with pytest.raises(DeepringError, match=r"resume: .* other encoder.widths"):
         train(cfg, folder)
     assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
 
@@ -226,8 +226,12 @@ def test_an_evaluation_records_the_checkpoints_model(small_run, composed, tiny_n
     options = [f"data.root={tiny_nclt}", "preprocessing=band"]
     cfg = composed(*options, name="evaluate")
     plan = plan_evaluation(cfg, small_run[1].checkpoint)
-    assert list(cfg.encoder.widths) == [8, 16, 32]
-    assert cfg.representation.pool == 2
+    assert cfg.method is None
+    recorded = plan.record["method"]
+    assert recorded["_target_"] == "deepring.methods.deepring.DeepRing"
+    assert recorded["encoder"]["widths"] == [8, 16, 32]
+    assert recorded["representation"]["pool"] == 2
+    assert plan.record["preprocessing"]["clearance"] is None
     assert plan.network.raster.preprocessing.clearance == 0.5  # not the config's band
     assert "keeps that of its checkpoint" in caplog.text
 
@@ -262,7 +266,7 @@ def test_a_query_that_cannot_be_decoded_is_left_out_everywhere(
     query = plan_evaluation(cfg).splits[0].query
     scan = query.session.files[query.indices[int(which * (len(query) - 1))]]
     scan.write_bytes(bytes(1600))  # a hundred records without one valid point
-    results = evaluate(cfg, tmp_path / "run", plan_evaluation(cfg))
+    results = evaluate(plan_evaluation(cfg), tmp_path / "run")
     assert results[0].queries == len(query) - 1
     assert scan.name in caplog.text
     assert len(list((tmp_path / "run" / "figures").glob("sinogram*.png"))) == 3

@@ -3,8 +3,9 @@
 import numpy as np
 
 from deepring.core.rigid import turn_points
-from deepring.data.cache import Rasters, ScanSet, pack
 from deepring.data.dataset import RetrievalSet
+from deepring.data.packed_rasters import Rasters, pack
+from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.evaluation.task import RetrievalTask
 from helpers.scenes import scattered

@@ -2,6 +2,13 @@
 
 import numpy as np
 
+from deepring.simulation.ground import Ground
+
+
+def flat_ground() -> Ground:
+    """The plane z = 0: no waves."""
+    return Ground(*np.zeros((4, 0)))
+
 
 def scattered(seed: int, n: int = 4000, radius: float = 45.0) -> np.ndarray:
     """Points on random walls inside ``radius``, so that a shift of 20 m stays in view."""

@@ -1,18 +1,24 @@
 """What checks the annotated shapes of arrays while the tests run (addopts in pyproject.toml)."""
 
 from collections.abc import Callable
-from typing import Any, Literal, get_origin
+from typing import Any, get_args
 
-from beartype import BeartypeConf, beartype
+from beartype import beartype
+from jaxtyping import AbstractArray
 
 
 def check_shapes(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Check a function's arguments and results against their annotations.
+    """Check those arguments and results of a function whose annotations state a shape.
 
-    A name that is none of a ``Literal`` passes: the function refuses it with an error of its own,
-    which is tested. An int passes for a float, as for mypy.
+    Others pass: a wrong name or number is for the function itself to refuse, which is tested.
     """
     for name, hint in function.__annotations__.items():
-        if get_origin(hint) is Literal:
+        if not states_shape(hint):
             function.__annotations__[name] = Any
-    return beartype(conf=BeartypeConf(is_pep484_tower=True))(function)
+    return beartype(function)
+
+
+def states_shape(hint: Any) -> bool:
+    """Whether the annotation is, or contains, one such as ``Float[Tensor, "batch theta"]``."""
+    is_array = isinstance(hint, type) and issubclass(hint, AbstractArray)
+    return is_array or any(states_shape(part) for part in get_args(hint))

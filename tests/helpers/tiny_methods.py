@@ -2,7 +2,7 @@
 
 import torch
 
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRing
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
@@ -19,6 +19,7 @@ from deepring.rasters import (
     raster_settings,
 )
 from deepring.testing import walls
+from helpers.networks import deepring_settings
 
 BEV = BevRaster(cells=24)
 CONTEXT = ContextRaster(sectors=24, rings=8)
@@ -30,7 +31,7 @@ VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
 def deepring(seed=0, **changes):
     torch.manual_seed(seed)
     values = {"raster": raster_settings(BEV), "angles": 24, "bins": 24, "widths": (4, 6)}
-    network = DeepRing(DeepRingSettings(**{**values, **changes}))
+    network = DeepRing(deepring_settings(**{**values, **changes}))
     # With the norms' first statistics, descriptors of all scans are equal up to rounding.
     images = torch.stack([torch.from_numpy(BEV(walls(k), 0.0)) for k in range(8)])
     for _ in range(20):

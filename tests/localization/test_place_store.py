@@ -37,6 +37,7 @@ def test_what_was_added_comes_back_whenever_it_was(counts, restored_after):
     images, poses = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     assert store.names == [name for part in parts for name in part[2]]
     assert len(store) == len(poses)
+    np.testing.assert_array_equal(store.poses, poses)
     np.testing.assert_array_equal(store.positions, poses[:, :2, 3])
     if len(store):
         chosen = torch.randperm(len(store))[: len(store) // 2 + 1]

@@ -13,6 +13,7 @@ from deepring.methods.deepring import NORMALISATIONS, DeepRing, DeepRingSettings
 from deepring.nn.aggregation import AGGREGATIONS
 from deepring.rasters import BevRaster, HeightRaster, PolarRaster, RangeRaster, raster_settings
 from deepring.rasters.bev import disc_mask
+from helpers.networks import deepring_settings
 
 CELLS = 32
 
@@ -28,7 +29,7 @@ def small(**changes):
         "widths": (4, 6),
         "convolutions": 1,
     }
-    return DeepRingSettings(**{**values, **changes})
+    return deepring_settings(**{**values, **changes})
 
 
 def network(**changes):
@@ -195,7 +196,7 @@ def test_an_empty_scan_gives_a_finite_descriptor():
 def test_settings_round_trip_as_plain_values(settings):
     values = settings.to_dict()
     assert DeepRingSettings.from_dict(values) == settings
-    assert isinstance(values["widths"], list)
+    assert isinstance(values["encoder"]["widths"], list)
     through_json = DeepRingSettings.from_dict(json.loads(json.dumps(values)))
     assert json.dumps(through_json.to_dict()) == json.dumps(values)
 

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from deepring.methods.base import Comparison, index_of
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRing
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
@@ -13,6 +13,7 @@ from deepring.rasters import BevRaster, ContextRaster, HeightRaster, raster_sett
 from deepring.search.compare_index import CompareIndex
 from deepring.search.correlation_index import CorrelationIndex
 from deepring.search.vector_index import VectorIndex
+from helpers.networks import deepring_settings
 
 
 def bevs(n, seed):
@@ -42,7 +43,7 @@ def deepring(**settings):
     torch.manual_seed(0)
     raster = raster_settings(BevRaster(cells=40))
     return DeepRing(
-        DeepRingSettings(raster, angles=40, bins=40, widths=(4,), convolutions=1, **settings)
+        deepring_settings(raster, angles=40, bins=40, widths=(4,), convolutions=1, **settings)
     )
 
 

@@ -6,7 +6,7 @@ from safetensors.torch import save_file
 
 from deepring.errors import FileError
 from deepring.methods.checkpoint import load_network
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import (
     TrainedNetwork,
     read_network,
@@ -15,12 +15,13 @@ from deepring.methods.network_file import (
 )
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.rasters import BevRaster, PointsRaster, raster_settings
+from helpers.networks import deepring_settings
 from helpers.sealed_files import parts_of, rewritten
 
 
 def small():
     raster = raster_settings(BevRaster())
-    return DeepRing(DeepRingSettings(raster, pool=2, widths=(4, 8), convolutions=1)).eval()
+    return DeepRing(deepring_settings(raster, pool=2, widths=(4, 8), convolutions=1)).eval()
 
 
 @pytest.fixture

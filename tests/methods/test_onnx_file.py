@@ -9,19 +9,20 @@ import pytest
 import torch
 
 from deepring.errors import DeepringError
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRing
 from deepring.methods.deepring.real_form import RealDeepRing
 from deepring.methods.onnx_file import export_onnx
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.portable import make_network
 from deepring.rasters import BevRaster, PointsRaster, PolarRaster, raster_settings
+from helpers.networks import deepring_settings
 
 
 def network(cells=40, **settings):
     torch.manual_seed(0)
     raster = raster_settings(BevRaster(cells=cells))
     values = {"angles": 40, "bins": 40, "widths": (4, 8), "convolutions": 1, **settings}
-    made = DeepRing(DeepRingSettings(raster, **values))
+    made = DeepRing(deepring_settings(raster, **values))
     made.train()
     for _ in range(3):  # statistics of the norms that are not those of the start
         made(images(8, cells).float())
@@ -77,7 +78,7 @@ def test_other_networks_are_refused(tmp_path):
         with pytest.raises(DeepringError, match="onnx: a network over BevRaster"):
             export_onnx(network(**settings), tmp_path / "a.onnx")
     raster = raster_settings(PolarRaster())
-    polar = DeepRing(DeepRingSettings(raster, angles=None, bins=None, widths=(4,)))
+    polar = DeepRing(deepring_settings(raster, angles=None, bins=None, widths=(4,)))
     with pytest.raises(DeepringError, match="over PolarRaster"):
         RealDeepRing(polar)
     points = PointNetVlad(PointNetVladSettings(raster_settings(PointsRaster(count=64)), clusters=2))

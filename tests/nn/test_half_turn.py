@@ -9,10 +9,11 @@ from deepring.core.equivariance import assert_equivariant, relative_error
 from deepring.core.radon import radon
 from deepring.core.spectrum import row_dft_magnitude
 from deepring.errors import DeepringError
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRing
 from deepring.nn.circular import CircularConv2d, circular_pad, circular_upsample
 from deepring.nn.unet import CircularUNet
 from deepring.rasters import BevRaster, PolarRaster, raster_settings
+from helpers.networks import deepring_settings
 
 
 def turned(x, shift):
@@ -108,7 +109,7 @@ def half_turn_network():
     torch.manual_seed(3)
     raster = raster_settings(BevRaster(cells=64))
     return DeepRing(
-        DeepRingSettings(
+        deepring_settings(
             raster=raster, angles=64, bins=64, theta_range="half", widths=(4, 6), convolutions=1
         )
     ).eval()
@@ -143,6 +144,6 @@ def test_half_turn_yaw_has_the_sign_of_the_turn():
 def test_only_a_sinogram_has_half_a_turn():
     polar = raster_settings(PolarRaster(24, 16))
     with pytest.raises(DeepringError, match=r"representation\.theta_range"):
-        DeepRing(DeepRingSettings(raster=polar, angles=None, bins=None, theta_range="half"))
+        DeepRing(deepring_settings(raster=polar, angles=None, bins=None, theta_range="half"))
     with pytest.raises(DeepringError, match="'quarter'"):
-        DeepRing(DeepRingSettings(theta_range="quarter"))
+        DeepRing(deepring_settings(theta_range="quarter"))

@@ -12,12 +12,15 @@ from deepring.evaluation.case import Case
 from deepring.evaluation.results import Result
 from deepring.paper.ablation import ablation_tables
 from deepring.paper.ablation_tables import number_table, shown_table
-from deepring.paper.seed_groups import Run, collect_rows
+from deepring.paper.seed_groups import Run, collect_rows, varied
 
 LOSSES = "deepring.training.episodes."
-GAP = {"aggregation.kind": "gap"}
-PG = {"representation.raster.kind": "polar", "representation.angles": None}
-TRIPLET = {"loss": {"_target_": f"{LOSSES}Triplet", "margin": 0.5}, "similarity.kind": "l2"}
+GAP = {"method.aggregation.kind": "gap"}
+PG = {"method.raster.kind": "polar", "method.representation.angles": None}
+TRIPLET = {
+    "loss": {"_target_": f"{LOSSES}Triplet", "margin": 0.5},
+    "method.similarity.kind": "l2",
+}
 
 
 def config(seed=0, changes=()):
@@ -27,16 +30,15 @@ def config(seed=0, changes=()):
         "data": {"name": "sim", "root": f"worlds/{seed}", "database": "a", "regions": {"test": []}},
         "train_data": {},
         "preprocessing": {"window": 5},
-        "evaluation": {"region": "test", "radii": [10.0, 5.0], "over": "answerable"},
-        "representation": {
-            "raster": {"kind": "bev"},
-            "angles": 120,
-            "pool": 2,
-            "theta_range": "full",
+        "evaluation": {"regions": ["test"], "radii": [10.0, 5.0], "over": "answerable"},
+        "method": {
+            "_target_": "deepring.methods.deepring.DeepRing",
+            "raster": {"kind": "bev", "preprocessing": {"window": 5}},
+            "representation": {"angles": 120, "pool": 2, "theta_range": "full"},
+            "encoder": {"widths": [8, 16]},
+            "aggregation": {"kind": "dft"},
+            "similarity": {"kind": "correlation", "normalisation": "unit"},
         },
-        "encoder": {"widths": [8, 16]},
-        "aggregation": {"kind": "dft"},
-        "similarity": {"kind": "correlation", "normalisation": "unit"},
         "loss": {"_target_": f"{LOSSES}OneShotCrossEntropy", "temperature_scale": 100.0},
         "sampling": {"ways": 24, "shots": 1},
         "optimizer": {"lr": 1e-3},
@@ -113,7 +115,7 @@ def test_the_order_of_runs_does_not_matter(order, recalls):
         {"optimizer.lr": 0.001},
         {"evaluation.descriptors": True},
         {"overlap": "leave_out"},
-        {"method": {"_target_": "deepring.methods.deepring.DeepRing", "note": "small"}},
+        {"method.note": "small"},
     ],
 )
 def test_what_cannot_change_what_is_learnt_makes_no_other_row(changes):
@@ -130,18 +132,19 @@ def test_where_further_test_data_lie_may_go_with_the_seed():
 
 @pytest.mark.parametrize(
     "changes",
-    [{"optimizer.lr": 0.01}, {"encoder.widths": [8, 32]}, {"trainer.max_epochs": 13}, GAP],
+    [{"optimizer.lr": 0.01}, {"method.encoder.widths": [8, 32]}, {"trainer.max_epochs": 13}, GAP],
 )
 def test_anything_else_does(changes):
     assert len(collect_rows([run(), run(seed=1, changes=changes)]).rows) == 2
 
 
-def test_a_config_from_before_a_key_existed_is_one_row_with_those_that_say_the_same():
-    old = run(seed=1)
-    del old.config["similarity"]["kind"], old.config["representation"]["theta_range"]
-    new = run(changes={"evaluation.regions": ["test"]})
-    del new.config["evaluation"]["region"]
-    assert len(collect_rows([new, old]).rows) == 1
+def test_the_methods_preprocessing_is_no_key_of_its_own_unless_it_is_set_apart():
+    both = {"preprocessing.window": 7, "method.raster.preprocessing.window": 7}
+    rows = collect_rows([run(), run(seed=1, changes=both)], mix=True).rows
+    assert varied(rows) == ["preprocessing.window"]
+    apart = {"method.raster.preprocessing.window": 7}
+    rows = collect_rows([run(), run(seed=1, changes=apart)]).rows
+    assert varied(rows) == ["method.raster.preprocessing.window"]
 
 
 def test_means_over_other_seeds_are_not_called_best():
@@ -199,9 +202,9 @@ def test_mixed_places_within_a_seed_are_rows_of_their_own():
 
 
 def test_table_three_is_laid_out_as_the_paper_prints_it():
-    two_dft = TRIPLET | {"aggregation.kind": "dft2"}
-    kinds = [{}, TRIPLET, PG, GAP, {"aggregation.kind": "gmp"}, two_dft]
-    kinds.append({"aggregation.kind": "multi_gap"})
+    two_dft = TRIPLET | {"method.aggregation.kind": "dft2"}
+    kinds = [{}, TRIPLET, PG, GAP, {"method.aggregation.kind": "gmp"}, two_dft]
+    kinds.append({"method.aggregation.kind": "multi_gap"})
     shown = table([run(0.1 * (k + 1), changes=kind) for k, kind in enumerate(kinds)])
     assert shown.name == "table3"
     grid = shown_table(shown)
@@ -220,25 +223,31 @@ def test_table_three_is_laid_out_as_the_paper_prints_it():
 
 def test_a_key_that_follows_from_the_components_is_no_column_and_one_that_does_not_is():
     plain = [run(), run(changes=TRIPLET)]
-    assert "similarity.kind" not in shown_table(table(plain)).headers
-    grid = shown_table(table([*plain, run(changes=TRIPLET | {"similarity.kind": "correlation"})]))
-    assert column(grid, "similarity.kind") == ["correlation", "l2", "correlation"]
+    assert "method.similarity.kind" not in shown_table(table(plain)).headers
+    grid = shown_table(
+        table([*plain, run(changes=TRIPLET | {"method.similarity.kind": "correlation"})])
+    )
+    assert column(grid, "method.similarity.kind") == ["correlation", "l2", "correlation"]
     assert column(grid, "paper") == ["-", "0.644", "0.859"], "the paper's triplet goes with L2"
 
 
 @pytest.mark.parametrize(
     "changes",
-    [{"similarity.kind": "cosine"}, {"representation.theta_range": "half"}, {"sampling.ways": 8}],
+    [
+        {"method.similarity.kind": "cosine"},
+        {"method.representation.theta_range": "half"},
+        {"sampling.ways": 8},
+    ],
 )
 def test_another_setting_than_the_papers_has_no_paper_value(changes):
     assert column(shown_table(table([run(changes=changes), run(changes=PG)])), "paper")[1] == "-"
 
 
 def test_which_row_is_the_papers_is_told_by_what_the_paper_states():
-    pools = [run(changes={"representation.pool": pool}) for pool in (1, 2)]
+    pools = [run(changes={"method.representation.pool": pool}) for pool in (1, 2)]
     grid = shown_table(table([*pools, run(changes=GAP)]))
     assert column(grid, "paper") == ["0.639", "0.859", "-"]
-    widths = [run(changes={"encoder.widths": width}) for width in ([8], [16])]
+    widths = [run(changes={"method.encoder.widths": width}) for width in ([8], [16])]
     grid = shown_table(table([*widths, run(changes=GAP)]))
     assert column(grid, "paper") == ["0.639", "-", "-"], "it states no widths"
 
@@ -259,8 +268,8 @@ def test_table_four_has_the_ways_as_columns():
 
 
 def test_table_four_has_a_line_for_each_further_setting():
-    grid = shown_table(table([*ways(8, 16), *ways(8, **{"representation.pool": 1})]))
-    assert grid.headers == ["No. Class", "representation.pool", "8", "16"]
+    grid = shown_table(table([*ways(8, 16), *ways(8, **{"method.representation.pool": 1})]))
+    assert grid.headers == ["No. Class", "method.representation.pool", "8", "16"]
     assert texts(grid)[:2] == [
         ["Recall@1", "1", "0.080", "-"],
         ["Recall@1", "2", "0.080", "*0.160*"],

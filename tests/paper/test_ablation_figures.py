@@ -15,8 +15,13 @@ def run(recall, seed=0, kind="dft", ways=24, pool=1):
     result = Result(Case("DeepRING", "sim", "sim", "test"), 10.0, 50, 100, 50, *rates, 0.01, 0.002)
     config = {
         "seed": seed,
-        "representation": {"raster": {"kind": "bev"}, "pool": pool},
-        "aggregation": {"kind": kind},
+        "method": {
+            "_target_": "deepring.methods.deepring.DeepRing",
+            "raster": {"kind": "bev"},
+            "representation": {"pool": pool, "theta_range": "full"},
+            "aggregation": {"kind": kind},
+            "similarity": {"kind": "correlation"},
+        },
         "loss": {"_target_": "losses.OneShotCrossEntropy"},
         "sampling": {"ways": ways},
     }

@@ -44,7 +44,7 @@ def run(method, train, results, seed=0, folder=None, seconds=None, method_config
         "data": dataset(train or NCLT, seed),
         "test_data": {name: dataset(name, seed) for name in (NCLT, MULRAN)},
         "preprocessing": {"window": 5},
-        "evaluation": {"radii": [10.0, 5.0], "over": "answerable", "region": "test"},
+        "evaluation": {"radii": [10.0, 5.0], "over": "answerable", "regions": ["test"]},
         "method": {
             "_target_": f"deepring.methods.{CLASSES.get(method, 'deepring.DeepRing')}",
             **({} if train else {"label": method}),
@@ -481,29 +481,14 @@ def test_markdown_is_one_table_a_grid():
 # When it is a comparison.
 
 
-def old(results=None):
-    """A run of before there was a method in the config."""
-    whole = learned("DeepRING")
-    config = {key: value for key, value in whole.config.items() if key != "method"}
-    return Run("old", config, results or whole.results[:1])
-
-
 def test_runs_of_another_method_or_tested_in_several_places_are_a_comparison():
     own = replace(learned("DeepRING"), results=learned("DeepRING").results[:1])
-    assert not is_comparison([old(), own])
-    assert not is_comparison(
-        [old([*own.results, replace(own.results[0], case=Case("RING", "", NCLT, "test"))])]
-    )
+    ring = replace(own.results[0], case=Case("RING", "", NCLT, "test"))
+    assert not is_comparison([own, replace(own, results=[*own.results, ring])])
     assert is_comparison([own, learned("DeepRING")])
-    assert is_comparison([old(old().results + learned("DeepRING").results[1:])])
     other = replace(learned("DiSCO"), results=learned("DiSCO").results[:1])
     assert is_comparison([other])
-    assert is_comparison([old(), other])
-
-
-def test_a_config_of_before_there_was_a_method_is_deeprings():
-    (row,) = texts(shown([old()])["table1"])
-    assert row[:4] == ["sim_nclt", "DeepRING", "0.800", "0.859"]
+    assert is_comparison([own, other])
 
 
 # The paper.

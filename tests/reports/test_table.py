@@ -46,7 +46,7 @@ def test_bold_are_exactly_those_equal_to_the_maximum(values):
 
 
 def test_a_row_of_another_length_is_refused():
-    with pytest.raises(DeepringError, match=r"rows\[1\]: 1 cells; expected 2"):
+    with pytest.raises(DeepringError, match=r"rows\[1\]: 1 cells; expected one per header, 2"):
         grid([[Cell("a"), Cell("1")], [Cell("b")]])
 
 

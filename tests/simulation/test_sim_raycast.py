@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from deepring.simulation.ground import flat_ground, rolling_ground
+from deepring.simulation.ground import rolling_ground
 from deepring.simulation.raycast import GROUND, NOTHING, Fan, cast
 from deepring.simulation.shapes import PrismList, Prisms
+from helpers.scenes import flat_ground
 
 ORIGIN = np.array([0.0, 0.0, 1.8])
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from deepring.core.rigid import pose_from, rotation_from_rpy
-from deepring.simulation.ground import flat_ground
 from deepring.simulation.scene import Scene
 from deepring.simulation.sensors import hdl32e_upside_down, os1_64, scan
 from deepring.simulation.settings import nclt, tiny
 from deepring.simulation.shapes import PrismList
 from deepring.simulation.world import moving_objects
+from helpers.scenes import flat_ground
 
 CLEAN = replace(nclt(), range_noise=0.0, dropout_near=0.0, dropout_far=0.0, azimuths=180)
 

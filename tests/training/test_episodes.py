@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from torch.utils.data import DataLoader
 
-from deepring.data.cache import Rasters, pack
+from deepring.data.packed_rasters import Rasters, pack
 from deepring.errors import DeepringError
 from deepring.rasters import BevRaster
 from deepring.training.batch_order import BatchOrder

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from deepring.data.cache import Rasters, pack
+from deepring.data.packed_rasters import Rasters, pack
 from deepring.errors import ConfigError, DeepringError
 from deepring.methods.checkpoint import load_network
-from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring import DeepRing
 from deepring.rasters import BevRaster, raster_settings
 from deepring.training.batch_order import BatchOrder
 from deepring.training.callbacks import BetweenEpochs
@@ -19,9 +19,10 @@ from deepring.training.episodes import EpisodeScheme, OneShotCrossEntropy
 from deepring.training.module import PlaceModule
 from deepring.training.training_scans import TrainingScans
 from deepring.training.tuples import LazyQuadruplet, TupleScheme
+from helpers.networks import deepring_settings
 
 RASTER = BevRaster(cells=32)
-SETTINGS = DeepRingSettings(
+SETTINGS = deepring_settings(
     raster=raster_settings(RASTER), angles=32, bins=32, widths=[4, 8], convolutions=1
 )
 EPISODE = EpisodeScheme(ways=4, shots=1, queries=2, per_epoch=6)

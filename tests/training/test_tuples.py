@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from deepring.data.cache import Rasters, pack
+from deepring.data.packed_rasters import Rasters, pack
 from deepring.errors import DeepringError
 from deepring.rasters import BevRaster, PolarRaster
 from deepring.training.training_scans import TrainingScans

@@ -13,15 +13,14 @@ from rich import box
 from rich.table import Table
 
 from deepring.cli.console import console
-from deepring.data.readers.drive_file import is_drive_file
-from deepring.data.readers.formats import (
-    FORMATS,
+from deepring.data.readers import (
+    binary_formats,
     detect_format,
     ground_of,
     list_sessions,
     open_session,
 )
-from deepring.data.readers.scan_files import BINARY
+from deepring.data.readers.custom.drive_file import is_drive_file
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError, ConfigError, DataError, FileError
 from deepring.paper.case_study import (
@@ -106,19 +105,19 @@ def _source(paths: Sequence[Path], format: str | None, session: str | None) -> S
     others = [str(path) for path in paths if not path.is_file()]
     if others:
         raise FileError(f"{others[0]}: is no file, expected one dataset, or scan files alone")
-    if format is None or format not in BINARY:
+    formats = binary_formats()
+    if format is None or format not in formats:
         raise ConfigError(
             f"{paths[0]}: a scan file does not tell its format; give --format, one of "
-            + ", ".join(BINARY)
+            + ", ".join(formats)
         )
     if session is not None:
         raise ConfigError(f"--session {session}: expected with a dataset's folder, not with files")
     if len({path.resolve() for path in paths}) < len(paths):
         raise ConfigError("FILE: the same scan twice, expected scans of different places")
     title = ", ".join(path.name for path in paths)
-    ground_z = FORMATS[format].ground_z
-    assert ground_z is not None
-    return Source(title, format, BINARY[format], ground_z, paths, None)
+    scans = formats[format]
+    return Source(title, format, scans.read, scans.ground_z, paths, None)
 
 
 def _dataset(root: Path, format: str | None, name: str | None) -> Source:

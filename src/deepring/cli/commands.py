@@ -1,6 +1,7 @@
 """The tree of commands. Parsers import nothing heavy; what does the work comes after parsing."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 from deepring import __version__
@@ -26,14 +27,14 @@ COMMANDS = {
         "Train a method and evaluate it. resume=CHECKPOINT goes on in that run's folder; -m runs "
         "a sweep,\none job after the other or as hydra/launcher= has it.",
         HydraParser,
-        run_options.config_help,
+        partial(run_options.config_help, "train"),
     ),
     "evaluate": Command(
         run_options.add_evaluate,
         "evaluate methods on a test region",
         "Evaluate the network of checkpoint=FILE, and the methods that learn nothing.",
         HydraParser,
-        run_options.config_help,
+        partial(run_options.config_help, "evaluate"),
     ),
     "compare": Command(
         run_options.add_compare,

@@ -21,7 +21,7 @@ def compare_command(args: argparse.Namespace) -> None:
     finished: list[Path] = []
     failed = 0
     for kind, overrides in _sweeps(args):
-        outcomes = run_multirun(["-m", f"comparison={kind}", *overrides, *args.overrides])
+        outcomes = run_multirun(["-m", f"sweep={kind}", *overrides, *args.overrides])
         finished += outcomes.finished
         failed += report_sweep(outcomes)
     sweeps = dict.fromkeys(folder.parent for folder in finished)

@@ -16,10 +16,10 @@ from rich.table import Table
 
 from deepring.cli.console import console
 from deepring.cli.mistakes import in_flags
-from deepring.data.readers.bag_files import bag_scans, is_bag
-from deepring.data.readers.drive_file import is_drive_file
-from deepring.data.readers.formats import open_session
-from deepring.data.readers.scan_files import read_scan, scan_files
+from deepring.data.readers import open_session
+from deepring.data.readers.custom.drive_file import is_drive_file
+from deepring.data.scans.bag_files import bag_scans, is_bag
+from deepring.data.scans.scan_files import read_scan, scan_files
 from deepring.data.session import Points
 from deepring.errors import DeepringError
 from deepring.localization.location import Location
@@ -88,7 +88,7 @@ def locate(
 def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
     """The scans of one file: one, those of a bag, or those of a drive that a file describes."""
     if is_drive_file(file):
-        session = open_session("own", file, args.session)
+        session = open_session("custom", file, args.session)
         ground_z = session.ground_z if args.ground_z is None else args.ground_z
         stamps = [None] * len(session) if session.stamps is None else session.stamps.tolist()
         for k in range(0, len(session), args.every):
@@ -98,6 +98,12 @@ def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
             yield Scan(file, stamp, partial(np.asarray, points), args.ground_z)
     else:
         yield Scan(file, None, partial(read_scan, file, args.format), args.ground_z)
+
+
+def _flagged(error: DeepringError) -> str:
+    """The message, with the flag of the argument that it asks for."""
+    flag = {"topic": "--topic", "binary": "--format"}.get(error.argument or "")
+    return str(error) if flag is None else f"{error} ({flag})"
 
 
 def _named(file: Path, stamp: int | None, message: str) -> str:

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from deepring.cli.console import console
 from deepring.cli.options import expect_new, network_of, open_drive
-from deepring.data.cache import Progress
 from deepring.data.session import Points, Session
 from deepring.data.spacing import sample_by_distance
 from deepring.localization.calibration import Tolerance, calibrate, run_trials
 from deepring.localization.map import Map
-from deepring.progress import progress_bar
+from deepring.progress import Progress, progress_bar
 from deepring.search.correlation_index import SearchSettings
 
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from deepring.data.session import Session
     from deepring.methods.deepring import DeepRing
 
-FORMATS = "deepring.data.readers.formats:FORMATS"
+FORMATS = "deepring.data.readers:reader_names"
 
 
 def add_format(
@@ -58,7 +58,7 @@ def add_output(parser: Parser, metavar: str, help: str, required: bool = True) -
 
 def open_drive(args: argparse.Namespace) -> "tuple[Session, float]":
     """The drive that `add_drive`'s options name, and z of the ground in its scans' frame."""
-    from deepring.data.readers.formats import detect_format, ground_of, open_session
+    from deepring.data.readers import detect_format, ground_of, open_session
 
     format = args.format or detect_format(args.root)
     session = open_session(format, args.root, args.session)

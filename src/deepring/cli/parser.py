@@ -80,13 +80,13 @@ class HydraParser(Parser):
 
 
 class Names:
-    """The names in a collection, ``module:attribute``, imported when one is looked for or shown."""
+    """The names that a function, ``module:function``, gives; imported when they are asked for."""
 
     def __init__(self, where: str) -> None:
         self.where = where
 
     def __iter__(self) -> Iterator[str]:
-        return iter(load(self.where))
+        return iter(load(self.where)())
 
     def __contains__(self, name: object) -> bool:
         return name in list(self)

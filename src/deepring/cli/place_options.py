@@ -5,7 +5,7 @@ from pathlib import Path
 from deepring.cli.options import add_drive, add_ground, add_network, add_output
 from deepring.cli.parser import Names, Parser, number, subcommands, whole
 
-BINARY = "deepring.data.readers.scan_files:BINARY"
+BINARY_FORMATS = "deepring.data.readers:binary_formats"
 
 #: Formats that `localize` prints.
 FORMS = ("table", "json", "csv")
@@ -82,7 +82,7 @@ def add_localize(parser: Parser) -> None:
         "scans", type=Path, nargs="+", metavar="SCAN", help="files, folders, bags or a drive.yaml"
     )
     parser.add_argument(
-        "--format", choices=Names(BINARY), metavar="NAME", help="of .bin files: %(choices)s"
+        "--format", choices=Names(BINARY_FORMATS), metavar="NAME", help="of .bin files: %(choices)s"
     )
     parser.add_argument("--topic", help="of a bag's point clouds, where it has several")
     parser.add_argument(

@@ -4,7 +4,6 @@ import argparse
 
 from deepring.cli.console import console
 from deepring.cli.options import expect_new
-from deepring.experiment.config import register_schema
 from deepring.experiment.report import report
 from deepring.io.files import write_whole
 
@@ -14,6 +13,5 @@ def report_command(args: argparse.Namespace) -> None:
     if args.output is not None:
         expect_new(args.output)
     path = args.output or args.run / "report.html"
-    register_schema()
     write_whole(path, [report(args.run, args.failures).encode()])
     console.print(f"written      {path}", markup=False)

@@ -2,6 +2,7 @@
 
 import argparse
 from pathlib import Path
+from textwrap import wrap
 
 from deepring.cli.options import add_output
 from deepring.cli.parser import Parser, number, whole
@@ -9,11 +10,15 @@ from deepring.cli.parser import Parser, number, whole
 #: Revisit radii in metres that `score` counts at, the headline first.
 RADII = "10,5,15,20,25"
 
+#: Columns of the terminal that the options of a group are wrapped to.
+_WIDTH = 100
+
 _HYDRA = """\
 KEY=VALUE sets a value, GROUP=NAME takes a file of a group, such as data.root=FOLDER or
-method=ring; --cfg job prints the config that is composed, --info config where it comes from.
+method=ring; ~GROUP takes none, test=[A,B] several. --cfg job prints the config that is composed,
+--info config where it comes from.
 
-groups and their files:
+groups and their options (* by default):
 """
 
 
@@ -36,19 +41,21 @@ def _add_overrides(parser: Parser, name: str) -> None:
     parser.runs(f"deepring.cli.train_commands:{name}_command")
 
 
-def config_help() -> str:
-    """The groups of ``conf/`` and the files of each, for the end of a help text."""
-    from deepring.experiment.config_folder import config_folder
+def config_help(command: str) -> str:
+    """The groups of ``conf/`` with their options and defaults, for the end of a help text."""
+    from deepring.experiment.config_groups import chosen_options, config_folder, group_options
 
-    conf = config_folder()
-    groups: dict[str, list[str]] = {}
-    for path in sorted(conf.rglob("*.yaml")):
-        groups.setdefault(path.parent.relative_to(conf).as_posix(), []).append(path.stem)
-    groups.pop(".", None)
-    width = max(map(len, groups))
-    return _HYDRA + "\n".join(
-        f"  {group:<{width}}  {', '.join(names)}" for group, names in groups.items()
-    )
+    folder = config_folder()
+    chosen, options = chosen_options(folder, command), group_options(folder)
+    # What belongs to a method can be chosen wherever the method can.
+    groups = [group for group in options if group.partition("/")[0] in chosen]
+    width = max(map(len, groups)) + 2
+    lines = []
+    for group in groups:
+        names = [f"{name}*" if name == chosen.get(group) else name for name in options[group]]
+        first, *rest = wrap(" ".join(names), _WIDTH - width - 2, break_long_words=False)
+        lines += [f"  {group:<{width}}{first}", *(f"  {'':<{width}}{line}" for line in rest)]
+    return _HYDRA + "\n".join(lines)
 
 
 def add_compare(parser: Parser) -> None:

@@ -7,6 +7,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import hydra
@@ -18,8 +19,8 @@ from deepring.cli.mistakes import INTERRUPTED, is_mistake, mistakes_reported
 from deepring.cli.process import tune_process
 from deepring.errors import ConfigError
 from deepring.evaluation.results import Result
-from deepring.experiment.config import Config, check_config, counted_over, register_schema
-from deepring.experiment.config_folder import config_folder
+from deepring.experiment.config import EvaluationSettings, check_config
+from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.run_folder import is_first_process, link_latest, open_run_folder
 from deepring.experiment.sweep_names import naming
 from deepring.experiment.sweep_outcomes import (
@@ -113,7 +114,7 @@ def _run_hydra(
     sys.argv = [str(Path(__file__).with_name("ddp_process.py")), *arguments]
     # Hydra then passes its errors on, and `main` prints them as it prints ours.
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")
-    register_schema()
+    register_configs()
     hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=name)(task)()
 
 
@@ -129,8 +130,8 @@ def _sweep_job(composed: DictConfig) -> float:
         cfg = check_config(composed)
         if in_parallel():
             silence()
-            cfg.callbacks["progress"] = None
-        score = run_job(cfg, run_folder(cfg))
+            cfg = replace(cfg, callbacks={**cfg.callbacks, "progress": None})
+        score = run_job(cfg, run_folder(cfg.paths.run))
     return math.nan if score is None else score
 
 
@@ -140,9 +141,9 @@ def _train(composed: DictConfig) -> None:
     from deepring.experiment.train import train
 
     _keep_lightning_quiet()
-    trained = train(cfg, run_folder(cfg))
+    trained = train(cfg, run_folder(cfg.paths.run))
     if trained.results:
-        show(cfg, trained.results)
+        show(cfg.evaluation, trained.results)
     if is_first_process():
         if trained.checkpoint is not None:
             console.print(f"checkpoint   {trained.checkpoint}")
@@ -155,11 +156,11 @@ def _evaluate(composed: DictConfig) -> None:
     from deepring.experiment.plan import plan_evaluation
 
     cfg = check_config(composed)
-    folder = run_folder(cfg)
+    folder = run_folder(cfg.paths.run)
     checkpoint = None if cfg.checkpoint is None else Path(cfg.checkpoint)
     plan = plan_evaluation(cfg, checkpoint)
-    open_run_folder(cfg, folder)
-    show(cfg, evaluate(cfg, folder, plan))
+    open_run_folder(plan.record, folder)
+    show(plan.evaluation, evaluate(plan, folder))
     link_latest(folder)
     show_folder(folder)
 
@@ -178,20 +179,20 @@ def _name_in_log(name: str) -> None:
         handler.setFormatter(logging.Formatter(f"[%(asctime)s] {safe}: %(message)s", "%H:%M:%S"))
 
 
-def run_folder(cfg: Config) -> Path:
+def run_folder(path: str) -> Path:
     """The folder that Hydra made for this run, relative to where the command was started."""
-    return _from_here(Path(cfg.paths.run))
+    return _from_here(Path(path))
 
 
 def _from_here(folder: Path) -> Path:
     return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
 
 
-def show(cfg: Config, results: list[Result]) -> None:
+def show(evaluation: EvaluationSettings, results: list[Result]) -> None:
     """Print the headline table and, below it, Recall@1 by radius."""
-    over = counted_over(cfg)
-    console.print(render(results, cfg.evaluation.radii[0], over))
-    if len(cfg.evaluation.radii) > 1:
+    over = evaluation.counted_over
+    console.print(render(results, evaluation.radii[0], over))
+    if len(evaluation.radii) > 1:
         console.print(render_radii(results, over))
 
 

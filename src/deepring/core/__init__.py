@@ -1,1 +1,1 @@
-"""The mathematics of the paper, one idea a file; torch, numpy, scipy and numba only."""
+"""The mathematics of the paper, one equation per file, and what is needed to check it."""

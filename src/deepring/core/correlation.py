@@ -28,7 +28,11 @@ class Match(NamedTuple):
 def theta_spectrum(
     descriptor: Float[Tensor, "n theta omega"],
 ) -> Complex64[Tensor, "n theta//2+1 omega"]:
-    """DFT over θ of descriptors (n, θ, ω), complex64 (n, θ // 2 + 1, ω): what a search stores."""
+    """DFT over θ of descriptors (n, θ, ω), complex64 (n, θ // 2 + 1, ω): what a search stores.
+
+    >>> theta_spectrum(torch.ones(1, 4, 2))[0, :, 0]
+    tensor([4.+0.j, 0.+0.j, 0.+0.j])
+    """
     return fourier.rfft(descriptor.float(), dim=-2)
 
 
@@ -43,6 +47,10 @@ def correlation_curves(
     Args:
         queries: (q, θ, ω) real.
         database: (d, θ, ω) real.
+
+    >>> place = torch.tensor([[[2.0], [1.0], [0.0], [0.0]]])
+    >>> correlation_curves(place.roll(1, dims=-2), place).round().int().tolist()
+    [[[2, 5, 2, 0]]]
     """
     rows = queries.shape[-2]
     q = theta_spectrum(queries).permute(1, 0, 2)
@@ -69,6 +77,10 @@ def magnitude_correlation_curves(
     Args:
         queries: (q, θ, ω) real.
         database: (d, θ, ω) real.
+
+    >>> place = torch.tensor([[[2.0], [-1.0], [0.0], [0.0]]])
+    >>> magnitude_correlation_curves(place, place).round().int().tolist()
+    [[[5, 2, 0, 2]]]
     """
     rows, width = queries.shape[-2:]
     pairs = max(1, BLOCK // (rows * width))
@@ -88,7 +100,12 @@ def circular_cross_correlation(
     database: Float[Tensor, "d theta omega"],
     form: Form = "paper",
 ) -> Match:
-    """The largest correlation over all circular shifts, and that shift, for all pairs (q, d)."""
+    """The largest correlation over all circular shifts, and that shift, for all pairs (q, d).
+
+    >>> place = torch.tensor([[[2.0], [1.0], [0.0], [0.0]]])
+    >>> circular_cross_correlation(place.roll(1, dims=-2), place).shift
+    tensor([[1]])
+    """
     curves = correlation_curves if form == "paper" else magnitude_correlation_curves
     return Match(*curves(queries, database).max(dim=-1))
 
@@ -99,6 +116,9 @@ def shift_to_turn(
     """Rows to the turn of the points, radians in [-period/2, period/2): entry -> query.
 
     Counter-clockwise. ``period`` is the range of θ that the rows span.
+
+    >>> shift_to_turn(torch.tensor([0, 1, 3]), rows=4)
+    tensor([ 0.0000,  1.5708, -1.5708])
     """
     turn = shift.to(torch.float32) * (period / rows)
     return torch.remainder(turn + period / 2, period) - period / 2
@@ -107,7 +127,11 @@ def shift_to_turn(
 def standardise(
     descriptor: Float[Tensor, "*batch theta omega"],
 ) -> Float[Tensor, "*batch theta omega"]:
-    """Zero mean and unit deviation over each map's last two axes; correlations are then sums."""
+    """Zero mean and unit deviation over each map's last two axes; correlations are then sums.
+
+    >>> standardise(torch.tensor([[1.0, 3.0]]))
+    tensor([[-1.,  1.]])
+    """
     centred = descriptor - descriptor.mean(dim=(-2, -1), keepdim=True)
     deviation = centred.square().mean(dim=(-2, -1), keepdim=True).sqrt()
     return centred / deviation.clamp_min(1e-12)
@@ -116,6 +140,10 @@ def standardise(
 def unit_norm(
     descriptor: Float[Tensor, "*batch theta omega"],
 ) -> Float[Tensor, "*batch theta omega"]:
-    """Unit Euclidean norm over each map's last two axes; correlations lie in [-1, 1]."""
+    """Unit Euclidean norm over each map's last two axes; correlations lie in [-1, 1].
+
+    >>> unit_norm(torch.tensor([[3.0, 4.0]]))
+    tensor([[0.6000, 0.8000]])
+    """
     norm = descriptor.square().sum(dim=(-2, -1), keepdim=True).sqrt()
     return descriptor / norm.clamp_min(1e-12)

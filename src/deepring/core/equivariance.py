@@ -1,4 +1,4 @@
-"""Checks of equivariance and invariance, for our tests and for anyone's new layer."""
+"""Assertions of equivariance and invariance (paper, Eq. 2, 3, 6 and 7), for anyone's new layer."""
 
 from collections.abc import Callable
 
@@ -35,7 +35,12 @@ def assert_equivariant(
     tolerance: float = 1e-5,
     claim: str = "f(g x) = g f(x)",
 ) -> float:
-    """Assert function(act_in(x)) = act_out(function(x)); returns the relative error measured."""
+    """Assert function(act_in(x)) = act_out(function(x)); returns the relative error measured.
+
+    >>> twice = lambda x: x.roll(2)
+    >>> assert_equivariant(torch.relu, torch.tensor([1.0, -2.0, 3.0]), twice, twice)
+    0.0
+    """
     with torch.no_grad():
         error = relative_error(function(act_in(x)), act_out(function(x)))
     if not error <= tolerance:  # also catches NaN
@@ -50,7 +55,11 @@ def assert_invariant(
     tolerance: float = 1e-5,
     claim: str = "f(g x) = f(x)",
 ) -> float:
-    """Assert function(act_in(x)) = function(x); returns the relative error measured."""
+    """Assert function(act_in(x)) = function(x); returns the relative error measured.
+
+    >>> assert_invariant(torch.sum, torch.tensor([1.0, 2.0, 4.0]), lambda x: x.roll(1))
+    0.0
+    """
     return assert_equivariant(function, x, act_in, lambda y: y, tolerance, claim)
 
 
@@ -65,6 +74,12 @@ def assert_theta_equivariant(
 
     ``shift_out`` is ``shift`` by default. A network with pooling of total stride s holds this
     for multiples of s only.
+
+    >>> ramp = torch.arange(3.0)[:, None]
+    >>> assert_theta_equivariant(lambda x: ramp * x, torch.ones(3, 2), shift=1)
+    Traceback (most recent call last):
+        ...
+    deepring.core.equivariance.EquivarianceError: ...
     """
     out = shift if shift_out is None else shift_out
     return assert_equivariant(
@@ -80,7 +95,11 @@ def assert_theta_equivariant(
 def assert_tau_invariant(
     function: Map, x: Shaped[Tensor, "*batch theta tau"], shift: int, tolerance: float = 1e-5
 ) -> float:
-    """Assert that rolling the columns (axis -1) by ``shift`` leaves the output unchanged."""
+    """Assert that rolling the columns (axis -1) by ``shift`` leaves the output unchanged.
+
+    >>> assert_tau_invariant(lambda x: x.mean(-1), torch.tensor([[1.0, 3.0]]), shift=1)
+    0.0
+    """
     return assert_invariant(
         function,
         x,

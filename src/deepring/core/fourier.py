@@ -1,16 +1,17 @@
-"""Discrete Fourier transforms that take empty batches as well, which torch's on a CPU refuse."""
+"""The Fourier transforms of Eq. 7 and 8, of empty batches as well, which torch refuses on a CPU."""
 
 from collections.abc import Callable
 from typing import Any
 
 import torch
+from jaxtyping import Shaped
 from torch import Tensor
 
 
 def _of_any_batch(name: str) -> Callable[..., Tensor]:
     """torch.fft's function of that name; axes that it does not transform may be of length 0."""
 
-    def transform(values: Tensor, **arguments: Any) -> Tensor:
+    def transform(values: Shaped[Tensor, "..."], **arguments: Any) -> Shaped[Tensor, "..."]:
         function = getattr(torch.fft, name)
         if values.numel():
             return function(values, **arguments)

@@ -1,4 +1,4 @@
-"""2-D spectra of polar feature maps: DiSCO's signature and its phase correlation.
+"""DiSCO's counterpart of Eq. 7 and 8: the 2-D spectrum of a polar map, and phase correlation.
 
 Source: Xu et al. (RA-L 2021, Sec. III); MaverickPeter/DiSCO-pytorch.
 """
@@ -22,6 +22,9 @@ def central_magnitude(
     Orthonormal, shifted so that frequency zero lies in the middle, and cut to the ``size`` lowest
     frequencies of either axis, which must be as long. Circular shifts along θ, and along r as
     well, leave it unchanged. As the map is real, nearly every value comes twice.
+
+    >>> central_magnitude(torch.ones(4, 4), size=2).round()
+    tensor([0., 0., 0., 4.])
     """
     spectrum = fourier.fft2(feature.float(), norm="ortho")
     magnitude = (spectrum.real.square() + spectrum.imag.square() + EPSILON).sqrt()
@@ -36,6 +39,10 @@ def phase_curves(
     """The phase correlation of maps (..., θ, r) at all shifts along both axes: (..., θ, r).
 
     The leading axes broadcast. Shifts are those of `Match`: the query is the entry rolled.
+
+    >>> feature = torch.tensor([[3.0, 1.0], [0.0, 5.0]])
+    >>> phase_curves(feature.roll(1, dims=-2), feature).round().int().tolist()
+    [[0, 0], [1, 0]]
     """
     q, d = (fourier.rfft2(maps.float()) for maps in (queries, entries))
     cross = q * d.conj()
@@ -51,6 +58,10 @@ def phase_correlation(
     The leading axes broadcast. The peak is sought over shifts along both axes, as published, and
     is 1 for maps that are circular shifts of each other. The shift is that of `Match`: the query
     is the entry's rows rolled by +shift.
+
+    >>> feature = torch.tensor([[3.0, 1.0], [0.0, 5.0], [2.0, 2.0]])
+    >>> phase_correlation(feature.roll(2, dims=-2), feature).shift
+    tensor(2)
     """
     curves = phase_curves(queries, entries)
     columns = queries.shape[-1]

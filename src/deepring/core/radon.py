@@ -1,5 +1,6 @@
-"""The Radon transform of an image: its sinogram R_f(θ, τ) (paper, Eq. 1).
+"""The Radon transform of an image: its sinogram R_f(θ, τ) (paper, Eq. 1 to 3).
 
+By Eq. 2 a turn of the image shifts θ, by Eq. 3 a translation shifts each row along τ.
 Pixel-driven with linear interpolation: every occupied cell is projected to
 τ = x cos θ + y sin θ and shared between the two nearest τ bins. The cost grows with the
 occupied cells only. θ = 2π k / angles without the end point; τ bins are centred on zero.
@@ -49,6 +50,14 @@ def radon(
     Raises:
         DataError: images that are not square.
         ConfigError: another theta_range, or a number of angles that cannot be had.
+
+    >>> image = torch.zeros(4, 4)
+    >>> image[3, 0] = 1.0  # x forward, y to the right
+    >>> radon(image, angles=4)
+    tensor([[0.0000, 0.0000, 0.0000, 0.5000],
+            [0.5000, 0.0000, 0.0000, 0.0000],
+            [0.5000, 0.0000, 0.0000, 0.0000],
+            [0.0000, 0.0000, 0.0000, 0.5000]])
     """
     if image.ndim < 2 or image.shape[-1] != image.shape[-2]:
         raise DataError(f"radon: image of shape {tuple(image.shape)}, expected (..., n, n)")

@@ -1,4 +1,4 @@
-"""Rigid transforms: rotation matrices, poses, planar yaw. float64 throughout."""
+"""The rotations and translations of Eq. 2 and 3: matrices, poses, planar yaw; float64."""
 
 import math
 
@@ -16,7 +16,12 @@ NED_TO_UP = np.diag([1.0, -1.0, -1.0])
 def rotation_from_rpy(
     roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike
 ) -> Float64[np.ndarray, "*n 3 3"]:
-    """R = Rz(yaw) Ry(pitch) Rx(roll), angles in radians; shape (..., 3, 3)."""
+    """R = Rz(yaw) Ry(pitch) Rx(roll), angles in radians; shape (..., 3, 3).
+
+    >>> rotation_from_rpy(0, 0, np.pi / 2).round(3)[:2, :2]  # x forward becomes y to the left
+    array([[ 0., -1.],
+           [ 1.,  0.]])
+    """
     r, p, y = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (roll, pitch, yaw)))
     cr, sr, cp, sp, cy, sy = np.cos(r), np.sin(r), np.cos(p), np.sin(p), np.cos(y), np.sin(y)
     rows = [
@@ -28,7 +33,11 @@ def rotation_from_rpy(
 
 
 def pose_from(rotation: ArrayLike, translation: ArrayLike) -> Float64[np.ndarray, "*n 4 4"]:
-    """Homogeneous poses (..., 4, 4) from rotations (..., 3, 3) and translations (..., 3)."""
+    """Homogeneous poses (..., 4, 4) from rotations (..., 3, 3) and translations (..., 3).
+
+    >>> pose_from(np.eye(3), [4, 5, 6])[0]
+    array([1., 0., 0., 4.])
+    """
     rotation = np.asarray(rotation, dtype=np.float64)
     pose = np.zeros((*rotation.shape[:-2], 4, 4))
     pose[..., :3, :3] = rotation
@@ -38,13 +47,21 @@ def pose_from(rotation: ArrayLike, translation: ArrayLike) -> Float64[np.ndarray
 
 
 def yaw_of(pose: ArrayLike) -> Float64[np.ndarray, "*n"]:
-    """Counter-clockwise yaw (rad) of poses (..., 4, 4) or rotations (..., 3, 3)."""
+    """Counter-clockwise yaw (rad) of poses (..., 4, 4) or rotations (..., 3, 3).
+
+    >>> round(float(yaw_of(rotation_from_rpy(0.1, -0.2, 0.5))), 6)
+    0.5
+    """
     pose = np.asarray(pose, dtype=np.float64)
     return np.asarray(np.arctan2(pose[..., 1, 0], pose[..., 0, 0]))
 
 
 def wrap_angle(angle: float) -> float:
-    """The same angle in [-π, π), radians."""
+    """The same angle in [-π, π), radians.
+
+    >>> round(wrap_angle(1.5 * math.pi) / math.pi, 3)
+    -0.5
+    """
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
@@ -63,7 +80,11 @@ def yaw_after_turn(yaw: float, turn: float) -> float:
 
 
 def turn_points(points: Float[np.ndarray, "n 3"], turn: float) -> Float[np.ndarray, "n 3"]:
-    """Turn points (n, 3) about z by ``turn`` (rad, counter-clockwise)."""
+    """Turn points (n, 3) about z by ``turn`` (rad, counter-clockwise).
+
+    >>> turn_points(np.array([[1.0, 0.0, 7.0]]), math.pi / 2).round(3)
+    array([[0., 1., 7.]])
+    """
     c, s = np.cos(turn), np.sin(turn)
     rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], dtype=points.dtype)
     return points @ rotation.T

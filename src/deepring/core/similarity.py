@@ -1,4 +1,4 @@
-"""Similarities without a search over rotations: Euclidean distance and cosine."""
+"""Similarities without Eq. 8's search over rotations: distance and cosine (paper, Sec. VI-D)."""
 
 import torch
 import torch.nn.functional as F
@@ -13,6 +13,10 @@ def negative_distance(
 
     Differences are taken first and squared then: the expansion into products would lose four
     digits on descriptors of unit norm that lie close together.
+
+    >>> import torch
+    >>> negative_distance(torch.tensor([[3.0, 4.0]]), torch.zeros(2, 2))
+    tensor([[-5., -5.]])
     """
     q, d = queries.flatten(1).float(), database.flatten(1).float()
     return -torch.cdist(q, d, compute_mode="donot_use_mm_for_euclid_dist")
@@ -21,7 +25,12 @@ def negative_distance(
 def cosine(
     queries: Float[Tensor, " q *descriptor"], database: Float[Tensor, " d *descriptor"]
 ) -> Float32[Tensor, "q d"]:
-    """Cosine of the angle between all pairs: (q, ...) and (d, ...) -> (q, d), in [-1, 1]."""
+    """Cosine of the angle between all pairs: (q, ...) and (d, ...) -> (q, d), in [-1, 1].
+
+    >>> import torch
+    >>> cosine(torch.tensor([[2.0, 0.0]]), torch.tensor([[1.0, 0.0], [0.0, 5.0]]))
+    tensor([[1., 0.]])
+    """
     q = F.normalize(queries.flatten(1).float(), dim=1)
     d = F.normalize(database.flatten(1).float(), dim=1)
     return q @ d.T

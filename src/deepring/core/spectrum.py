@@ -15,6 +15,10 @@ def row_dft_magnitude(
     A circular shift of a row leaves it unchanged. Only ω >= 0 is kept, since the spectrum of a
     real row is symmetric; the doubled frequencies are weighed by √2, so that inner products and
     norms over this half equal those over the paper's full spectrum.
+
+    >>> row = torch.tensor([[4.0, 0.0, 0.0, 0.0]])
+    >>> row_dft_magnitude(row), row_dft_magnitude(row.roll(1, dims=-1))
+    (tensor([[2.0000, 2.8284, 2.0000]]), tensor([[2.0000, 2.8284, 2.0000]]))
     """
     magnitude = fourier.rfft(feature.float(), dim=-1, norm="ortho").abs()
     return magnitude * _weights(feature.shape[-1]).to(magnitude.device)
@@ -37,6 +41,11 @@ def standardise_spectrum(
     (..., θ, ω) of rows of ``bins`` values -> the same shape. Inner products over the result
     equal those of the full spectrum standardised (RING, lus6-Jenny/RING). The weighted half's
     own mean and deviation would be others.
+
+    >>> rows = torch.tensor([[4.0, 0.0, 2.0], [1.0, 3.0, 0.0]])
+    >>> standard = standardise_spectrum(row_dft_magnitude(rows), bins=3)
+    >>> round(float(standard.square().sum()), 4)  # deviation 1 over 2 x 3 values
+    6.0
     """
     weight = _weights(bins).to(magnitude.device)
     size = magnitude.shape[-2] * bins
@@ -55,5 +64,9 @@ def column_dft_magnitude(
     compares descriptors without a search (paper, Sec. VI-D, "Loss"). It follows the row-wise
     magnitude: a 2-D DFT of the feature itself would not undo a translation, whose shift in τ
     differs from row to row.
+
+    >>> rows = torch.tensor([[3.0], [1.0], [0.0], [0.0]])
+    >>> column_dft_magnitude(rows).equal(column_dft_magnitude(rows.roll(1, dims=-2)))
+    True
     """
     return fourier.fft(magnitude.float(), dim=-2, norm="ortho").abs()

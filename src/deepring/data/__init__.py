@@ -1,1 +1,1 @@
-"""From files on disk to episodes: readers, regions, places, cache, datamodule."""
+"""Datasets: readers of their files, sessions, regions, scan sets and cached rasters."""

@@ -1,22 +1,19 @@
 """Check a data set before work starts: read every scan once and report what each session holds."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from deepring.data.readers.formats import detect_format, list_sessions, open_session
-from deepring.data.readers.trajectory import NANOSECONDS
+from deepring.checks import one_of
+from deepring.data.poses.pose_tables import NANOSECONDS
+from deepring.data.readers import detect_format, list_sessions, open_session
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DeepringError
+from deepring.progress import Progress
 
 TIME_GAP_S = 1.0  # drives are recorded at 5 to 10 scans a second
 JUMP_M = 10.0  # between scans that follow each other
-SHOWN = 5  # broken files named in the text
-
-Progress = Callable[[str, int, int], None]
-"""Called after each scan with the session's name, the scans read so far and the scans in all."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +26,7 @@ class Gaps:
 
 @dataclass(frozen=True)
 class SessionReport:
-    """What the check of one session found. Scans without a pose or with an impossible size are
+    """The result of checking one session. Scans without a pose or with an impossible size are
     outside ``scans``; those that failed while being read are inside it."""
 
     name: str
@@ -48,7 +45,7 @@ class SessionReport:
 
     @property
     def usable(self) -> bool:
-        """Whether there is a scan that has a pose and can be read."""
+        """True where some scan has a pose and can be read."""
         return self.readable > 0
 
 
@@ -60,16 +57,16 @@ def check(
 ) -> list[SessionReport]:
     """Read every scan of the sessions in ``root``, one in memory at a time, and report on each.
 
+    ``progress`` is called after each scan with those read of its session and their total.
+
     ``format`` is told from the folder where it is None; ``session`` limits the check to one. A
     session that cannot be opened gets a report with its ``problem``; a folder without any, an
     unknown format or session raises DeepringError.
     """
     format = format or detect_format(root)
     names = list_sessions(format, root)
-    if session is not None and session not in names:
-        raise DeepringError(
-            f"session = {session!r} is not in {root}; expected one of {', '.join(names)}"
-        )
+    if session is not None:
+        one_of("session", session, names)
     return [
         _check_session(format, root, name, progress)
         for name in (names if session is None else [session])
@@ -115,69 +112,10 @@ def _read_all(session: Session, progress: Progress | None) -> tuple[list[int], l
         except BrokenScanError as error:
             broken.append(str(error))
         if progress is not None:
-            progress(session.name, index + 1, len(session))
+            progress(index + 1, len(session))
     return counts, broken
 
 
 def _gaps(steps: np.ndarray, limit: float) -> Gaps:
     beyond = steps[steps > limit]
     return Gaps(len(beyond), float(beyond.max())) if len(beyond) else Gaps()
-
-
-def report_lines(reports: Sequence[SessionReport]) -> list[str]:
-    """Plain text: one table with a row a session, then what is wrong with each, line by line."""
-    header = ("session", "scans", "no pose", "broken", "bad poses", "time", "path", "points/scan")
-    rows = [header, *(_row(report) for report in reports)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(header))]
-    lines = [_aligned(row, widths) for row in rows]
-    lines.insert(1, "  ".join("-" * width for width in widths))
-    for report in reports:
-        lines += _details(report)
-    return lines
-
-
-def _aligned(row: Sequence[str], widths: Sequence[int]) -> str:
-    name, *numbers = (
-        cell.ljust(width) if column == 0 else cell.rjust(width)
-        for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-    )
-    return "  ".join([name, *numbers]).rstrip()
-
-
-def _row(report: SessionReport) -> tuple[str, ...]:
-    if report.problem is not None:
-        return (report.name, *["-"] * 7)
-    points = "-"
-    if report.points is not None:
-        low, median, high = report.points
-        points = f"{low} / {median:.0f} / {high}"
-    return (
-        report.name,
-        str(report.scans),
-        str(report.without_pose),
-        str(len(report.broken)),
-        str(report.bad_poses),
-        "-" if report.span_s is None else f"{report.span_s:.1f} s",
-        f"{report.path_m:.0f} m",
-        points,
-    )
-
-
-def _details(report: SessionReport) -> list[str]:
-    lines = []
-    if report.problem is not None:
-        lines.append(f"{report.name}: cannot be opened: {report.problem}")
-    elif not report.usable:
-        lines.append(f"{report.name}: not usable: none of its {report.scans} scans can be read")
-    if report.time_gaps is not None and report.time_gaps.count:
-        count, largest = report.time_gaps.count, report.time_gaps.largest
-        lines.append(
-            f"{report.name}: {count} time gaps > {TIME_GAP_S:g} s, largest {largest:.1f} s"
-        )
-    if report.jumps.count:
-        count, largest = report.jumps.count, report.jumps.largest
-        lines.append(f"{report.name}: {count} jumps > {JUMP_M:g} m, largest {largest:.1f} m")
-    lines += [f"{report.name}: broken: {reason}" for reason in report.broken[:SHOWN]]
-    if len(report.broken) > SHOWN:
-        lines.append(f"{report.name}: ... and {len(report.broken) - SHOWN} more broken files")
-    return lines

@@ -8,21 +8,21 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
-from deepring.data.cache import ScanSet
-from deepring.data.readers.formats import open_session
-from deepring.data.regions import Shape, parse_region
+from deepring.checks import one_of
+from deepring.data.readers import open_session
+from deepring.data.regions import Region, Shape, parse_region
+from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.data.spacing import far_half_plane, revisits, sample_by_distance
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError, DataError
 
 log = logging.getLogger(__name__)
 
 
 @dataclass
 class Spacing:
-    """Metres between the scans that are kept."""
+    """Metres between the scans that are used."""
 
     database: float = 20.0
     query: float = 5.0
@@ -80,12 +80,16 @@ class RetrievalSet:
 
 
 class PlaceDataset:
-    """The sessions of a `DatasetConfig`, opened when first needed."""
+    """The sessions of a `DatasetConfig`, opened when first needed.
 
-    def __init__(self, config: DatasetConfig) -> None:
-        if config.split not in ("sessions", "revisits"):
-            raise DeepringError(f"data.split: {config.split!r}, expected 'sessions' or 'revisits'")
+    ``key`` is where the config stands, such as 'test_data.nclt': messages begin with it. Raises
+    ConfigError for a value of the config, and DataError for data, that cannot be used.
+    """
+
+    def __init__(self, config: DatasetConfig, key: str = "data") -> None:
+        one_of(f"{key}.split", config.split, ("sessions", "revisits"))
         self.config = config
+        self.key = key
         self.name = config.name
 
     @cached_property
@@ -100,19 +104,19 @@ class PlaceDataset:
             return self.database
         session = self._open(self.config.query)
         if session.name == self.database.name:
-            raise DeepringError(
-                f"data.query: {session.name} is data.database too, and every query would find "
-                "itself; name another session, or take data.split=revisits"
+            raise ConfigError(
+                f"{self.key}.query: {session.name} is {self.key}.database too, and every query "
+                "would find itself; name another session, or take split 'revisits'"
             )
         return session
 
     def _open(self, name: str | None) -> Session:
         c = self.config
         session = open_session(c.format, c.root, name, **c.reader)
-        left_out = session.skipped
-        if str(left_out):
-            level = logging.WARNING if left_out.broken or left_out.without_pose else logging.INFO
-            log.log(level, "%s %s: left out %s", c.name, session.name, left_out)
+        skipped = session.skipped
+        if str(skipped):
+            level = logging.WARNING if skipped.broken or skipped.without_pose else logging.INFO
+            log.log(level, "%s %s: left out %s", c.name, session.name, skipped)
         return session
 
     @cached_property
@@ -120,46 +124,50 @@ class PlaceDataset:
         """The validation region, without regard to the training region it is cut out of."""
         c = self.config.regions
         if c.validation is not None:
-            return parse_region(c.validation, "data.regions.validation")
+            return self._region("validation")
         if not 0 <= c.validation_share < 1:
-            raise DeepringError(
-                f"data.regions.validation_share: {c.validation_share}, expected 0 to below 1"
+            raise ConfigError(
+                f"{self.key}.regions.validation_share: {c.validation_share}, expected a share of "
+                "at least 0 and below 1"
             )
         if c.validation_share == 0:
             return None
         positions = self.database.ground_truth
-        inside = parse_region(c.train, "data.regions.train").contains(positions)
+        inside = self._region("train").contains(positions)
         if not inside.any():
-            raise DeepringError(self._empty("train", self.database))
+            raise self._empty("train", self.database)
         return far_half_plane(positions[inside], c.validation_share)
+
+    def _region(self, name: str) -> Region:
+        """The region that the config states; see `parse_region`."""
+        return parse_region(getattr(self.config.regions, name), f"{self.key}.regions.{name}")
 
     @property
     def has_validation(self) -> bool:
-        """Whether some of the training region is held out for validation."""
+        """True where some of the training region is left to validation."""
         return self._validation is not None
 
     def mask(self, region: str, session: Session) -> NDArray[np.bool_]:
-        """Which scans of a session lie in 'train', 'validation', 'test' or 'whole'."""
-        c, positions = self.config.regions, session.ground_truth
-        if region in ("test", "whole"):
-            spec = c.test if region == "test" else None
-            return parse_region(spec, "data.regions.test").contains(positions)
-        train = parse_region(c.train, "data.regions.train")
+        """Mask (n,) of the scans of a session in 'train', 'validation', 'test' or 'whole'."""
+        positions = session.ground_truth
+        if region == "whole":
+            return np.ones(len(session), dtype=np.bool_)
+        if region == "test":
+            return self._region("test").contains(positions)
+        train = self._region("train")
         inside = train.contains(positions)
         if self._validation is None:
             if region == "validation":
-                raise DeepringError("data.regions: no validation split, since its share is 0")
+                raise ConfigError(f"{self.key}.regions: no validation split, since its share is 0")
             return inside
         if region == "validation":
             return inside & self._validation.contains(positions)
-        held_out = [
-            s.ground_truth[
-                train.contains(s.ground_truth) & self._validation.contains(s.ground_truth)
-            ]
-            for s in (self.database, self.query)
-        ]
-        apart, _ = KDTree(np.concatenate(held_out)).query(positions)
-        return inside & (apart > c.margin)
+        every = np.concatenate([self.database.ground_truth, self.query.ground_truth])
+        validation = every[train.contains(every) & self._validation.contains(every)]
+        from scipy.spatial import KDTree
+
+        apart, _ = KDTree(validation).query(positions)
+        return inside & (apart > self.config.regions.margin)
 
     def training(self) -> list[ScanSet]:
         """The scans that classes are drawn from: of both sessions, in the training region."""
@@ -192,16 +200,16 @@ class PlaceDataset:
     ) -> ScanSet:
         mask = self.mask(region, session)
         if not mask.any():
-            raise DeepringError(self._empty(region, session))
+            raise self._empty(region, session)
         if among is not None:
             mask &= among
         if not mask.any():
             c = self.config
-            raise DeepringError(
-                f"data.split: the scans of session {session.name} in region {region!r} do not "
-                "split into first passes and revisits, which are within "
-                f"data.revisit_radius={c.revisit_radius:g} m of a scan more than "
-                f"data.revisit_apart={c.revisit_apart:g} m of path earlier; change these or the "
+            raise ConfigError(
+                f"{self.key}.split: the scans of session {session.name} in region {region!r} do "
+                "not split into first passes and revisits, which are within "
+                f"revisit_radius={c.revisit_radius:g} m of a scan more than "
+                f"revisit_apart={c.revisit_apart:g} m of path earlier; change these or the "
                 "region"
             )
         indices = sample_by_distance(session.positions, spacing, mask)
@@ -213,17 +221,17 @@ class PlaceDataset:
     def _ground_z(self, session: Session) -> float:
         ground_z = session.ground_z if self.config.ground_z is None else self.config.ground_z
         if ground_z is None:
-            raise DeepringError(
-                f"data.ground_z: null, but session {session.name} of {self.name} does not say how "
-                "high its sensor is; set it to z of the ground in the scans' frame, metres"
+            raise ConfigError(
+                f"{self.key}.ground_z: null, but session {session.name} of {self.name} does not "
+                "say how high its sensor is; set it to z of the ground in the scans' frame, metres"
             )
         return ground_z
 
-    def _empty(self, region: str, session: Session) -> str:
+    def _empty(self, region: str, session: Session) -> DataError:
         low, high = session.ground_truth.min(axis=0), session.ground_truth.max(axis=0)
-        return (
-            f"data.regions.{region}: no usable scan of session {session.name} of {self.name} lies "
-            f"in it; its ground truth spans [{low[0]:.1f}, {low[1]:.1f}] to "
+        return DataError(
+            f"{self.key}.regions.{region}: no usable scan of session {session.name} of {self.name} "
+            f"lies in it; its ground truth spans [{low[0]:.1f}, {low[1]:.1f}] to "
             f"[{high[0]:.1f}, {high[1]:.1f}]; mend the region or take another session"
         )
 

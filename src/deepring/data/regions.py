@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from matplotlib.path import Path as PolygonPath
 from numpy.typing import NDArray
 
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError
 
 Positions = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -19,7 +18,7 @@ class Shape(Protocol):
     """A part of the plane."""
 
     def contains(self, positions: Positions) -> Mask:
-        """Which of (n, 2) positions lie inside."""
+        """Mask (n,) of the positions (n, 2) inside."""
         ...
 
 
@@ -52,15 +51,29 @@ class HalfPlane:
 
 @dataclass(frozen=True)
 class Polygon:
-    """Positions inside a closed polygon of at least three ``vertices``."""
+    """Positions inside a closed polygon of at least three ``vertices``, the border included.
+
+    Where the border crosses itself, a position is inside when a ray from it crosses the border an
+    odd number of times.
+    """
 
     vertices: tuple[tuple[float, float], ...]
 
     def contains(self, positions: Positions) -> Mask:
-        """By matplotlib's path, around the first vertex so that UTM keeps its precision."""
-        origin = np.asarray(self.vertices[0])
-        path = PolygonPath(np.asarray(self.vertices) - origin)
-        return path.contains_points(positions - origin)
+        """Crossings of each position's ray along x, around a vertex: so UTM keeps its precision."""
+        start = np.asarray(self.vertices, dtype=np.float64)
+        start, points = start - start[0], positions[:, None] - start[0]
+        end = np.roll(start, -1, axis=0)
+        to_start, to_end, edge = start - points, end - points, end - start
+        with np.errstate(over="ignore", invalid="ignore"):  # positions may lie anywhere
+            side = to_end[..., 1] * edge[:, 0] - to_end[..., 0] * edge[:, 1]
+            between = (to_start * to_end).sum(axis=-1) <= 0
+        # Half-open in y, so that a ray through a vertex crosses one of its two edges.
+        straddles = (to_start[..., 1] > 0) != (to_end[..., 1] > 0)
+        crosses = straddles & ((side < 0) == (edge[:, 1] > 0))
+        border = (side == 0) & between
+        inside: Mask = (crosses.sum(axis=1) % 2 == 1) | border.any(axis=1)
+        return inside
 
 
 @dataclass(frozen=True)
@@ -71,7 +84,7 @@ class Region:
     outside: tuple[Shape, ...] = ()
 
     def contains(self, positions: Positions) -> Mask:
-        """Which of (n, 2) ground-truth positions lie in the region."""
+        """Mask (n,) of the ground-truth positions (n, 2) in the region."""
         mask = np.ones(len(positions), dtype=np.bool_)
         if self.inside:
             mask = np.any([shape.contains(positions) for shape in self.inside], axis=0)
@@ -86,12 +99,12 @@ def parse_region(spec: Any, name: str) -> Region:
     A list of ``{disc: {center: [x, y], radius: r}}``, ``{half_plane: {point: [x, y], normal:
     [x, y]}}`` and ``{polygon: [[x, y], ...]}``, each alone or as ``{outside: SHAPE}``: the union
     of the plain shapes (everywhere, where there is none) without the outside ones. ``name`` is
-    the config key, for the error.
+    the config key, for the ConfigError of any other value.
     """
     if spec is None:
         return Region()
     if not isinstance(spec, Sequence) or isinstance(spec, str) or not spec:
-        raise DeepringError(f"{name}: {spec!r}, expected null or a list of shapes")
+        raise ConfigError(f"{name}: {spec!r}, expected null or a list of shapes")
     inside, outside = [], []
     for k, item in enumerate(spec):
         where = f"{name}[{k}]"
@@ -122,7 +135,7 @@ def _parse_shape(spec: Any, name: str) -> Shape:
                     return polygon
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
         pass
-    raise DeepringError(
+    raise ConfigError(
         f"{name}: {spec!r} is no shape; expected {{disc: {{center: [x, y], radius: r > 0}}}}, "
         "{half_plane: {point: [x, y], normal: [x, y]}}, {polygon: [[x, y], [x, y], [x, y]]}, or "
         "{outside: SHAPE}"

@@ -13,7 +13,7 @@ Points = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class SkippedScans:
-    """What a reader left out of a session, and why; printed, never silent."""
+    """Scans that a reader left out of a session, and why; printed, never silent."""
 
     broken: tuple[str, ...] = ()  # files that cannot be decoded, each with its reason
     without_pose: int = 0  # scans whose stamp lies farther than the tolerance from any pose
@@ -51,6 +51,9 @@ class Session:
     skipped: SkippedScans = field(default_factory=SkippedScans)
     axes: tuple[str, str] = ("x", "y")  # names of the two ground-truth coordinates
     ground_z: float | None = None  # of the ground in the scans' frame, where the session knows it
+    #: Names what ``read`` makes of a file, for the raster cache: it changes when the points do, and
+    #: not when code moves. None takes the name of the function, or the settings of the object.
+    decoding: str | None = None
 
     def __post_init__(self) -> None:
         n = len(self.files)

@@ -1,33 +1,31 @@
-"""Which scans of a session are used: spacing, first passes and revisits (protocol)."""
+"""The choice of scans of a session: spacing, first passes and revisits (protocol)."""
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
+from deepring.checks import at_least
 from deepring.data.regions import HalfPlane
-from deepring.errors import DeepringError
 
 Positions = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
 def sample_by_distance(positions: Positions, spacing: float, mask: NDArray[np.bool_]) -> Indices:
-    """Indices kept of (n, 2) positions in driving order, after the mask.
+    """Indices of the scans that are used, of (n, 2) positions in driving order.
 
-    A scan is kept when its distance from the last kept one exceeds ``spacing`` metres; the
-    first one in the mask is always kept. 0 keeps all.
+    A scan in the mask is used when its distance from the last used one exceeds ``spacing`` metres;
+    the first one in the mask always is. 0 takes all. Raises ConfigError for another spacing.
     """
-    if not spacing >= 0:  # NaN too
-        raise DeepringError(f"data.spacing: {spacing}, expected metres, at least 0")
-    kept: list[int] = []
+    at_least("spacing", spacing, 0, "metres")
+    indices: list[int] = []
     for index in np.flatnonzero(mask):
         if (
-            not kept
+            not indices
             or spacing == 0
-            or np.hypot(*(positions[index] - positions[kept[-1]])) > spacing
+            or np.hypot(*(positions[index] - positions[indices[-1]])) > spacing
         ):
-            kept.append(int(index))
-    return np.array(kept, dtype=np.int64)
+            indices.append(int(index))
+    return np.array(indices, dtype=np.int64)
 
 
 def path_lengths(positions: Positions) -> Positions:
@@ -37,16 +35,16 @@ def path_lengths(positions: Positions) -> Positions:
 
 
 def revisits(positions: Positions, radius: float = 10.0, apart: float = 100.0) -> NDArray[np.bool_]:
-    """Which scans pass ground first seen more than ``apart`` metres of path earlier.
+    """Mask (n,) of the scans that pass ground first seen over ``apart`` metres of path earlier.
 
     Scan i is a revisit when an earlier scan within ``radius`` metres of it lies more than
-    ``apart`` metres of driven path before. The others are first passes.
+    ``apart`` metres of driven path before. The others are first passes. Raises ConfigError for a
+    radius or distance below 0.
     """
-    if not (radius >= 0 and apart >= 0):
-        raise DeepringError(
-            f"data.revisit_radius: {radius}, data.revisit_apart: {apart}; "
-            "expected metres, at least 0"
-        )
+    from scipy.spatial import KDTree
+
+    at_least("radius", radius, 0, "metres")
+    at_least("apart", apart, 0, "metres")
     path = path_lengths(positions)
     near = KDTree(positions).query_ball_point(positions, radius)
     return np.array(

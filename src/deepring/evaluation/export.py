@@ -5,7 +5,7 @@ from typing import get_args
 
 from torch import Tensor
 
-from deepring.data.cache import ScanSet
+from deepring.data.scan_set import ScanSet
 from deepring.evaluation.case import Case
 from deepring.evaluation.descriptors import (
     Descriptors,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring import checks
-from deepring.data.cache import Progress, ScanSet
+from deepring.data.scan_set import ScanSet
 from deepring.errors import ConfigError, DataError
 from deepring.evaluation.case import Case
 from deepring.evaluation.counting import Seconds, count
@@ -23,6 +23,7 @@ from deepring.evaluation.results import Result
 from deepring.evaluation.task import RetrievalTask
 from deepring.methods.base import Method
 from deepring.methods.describe import describe_batches
+from deepring.progress import Progress
 
 #: Scans described and queries looked up at a time.
 BATCH = 64

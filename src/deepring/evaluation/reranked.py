@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from deepring.data.cache import Progress, ScanSet
+from deepring.data.scan_set import ScanSet
 from deepring.evaluation.counting import Seconds, count
 from deepring.evaluation.look_up import BEST
 from deepring.evaluation.matches import TopMatches
@@ -18,6 +18,7 @@ from deepring.evaluation.task import RetrievalTask, rows_of
 from deepring.localization.alignment import Alignment
 from deepring.localization.candidates import Rerank, RerankSettings, align_candidates, by_pose
 from deepring.localization.location import best_fit
+from deepring.progress import Progress
 from deepring.search.hits import Hits
 
 #: What a re-ranked method is called in results, so that nobody takes one row for another.

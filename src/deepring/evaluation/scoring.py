@@ -8,7 +8,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from deepring.data.cache import Progress
 from deepring.errors import DataError, FileError
 from deepring.evaluation.counting import Seconds, count
 from deepring.evaluation.descriptors import ENDING, Descriptors, read_descriptors
@@ -18,6 +17,7 @@ from deepring.evaluation.look_up import fill_index, look_up
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.protocol import BATCH, RADII, Outcome, check_answerable
 from deepring.methods.base import Method, rebuild_method
+from deepring.progress import Progress
 
 #: The folder of a run that holds its descriptors.
 FOLDER = "descriptors"

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.data.cache import RasterCache, Rasters, ScanSet, load_rasters
+from deepring.data.cache import RasterCache, load_rasters
 from deepring.data.dataset import RetrievalSet
+from deepring.data.packed_rasters import Rasters
+from deepring.data.scan_set import ScanSet
 from deepring.errors import DataError
 from deepring.evaluation.case import Case
 from deepring.rasters import Raster

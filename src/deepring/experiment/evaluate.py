@@ -14,8 +14,7 @@ from deepring.evaluation.reranked import evaluate_reranked
 from deepring.evaluation.results import Result, write_results
 from deepring.evaluation.scoring import FOLDER as DESCRIPTORS
 from deepring.evaluation.task import RetrievalTask, load_task
-from deepring.experiment import build
-from deepring.experiment.config import Config, counted_over
+from deepring.experiment.config import EvaluationSettings
 from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.pictures import evaluation_figures
 from deepring.experiment.plan import Plan
@@ -31,49 +30,47 @@ from deepring.reports.tensorboard_events import add_descriptors, write_events
 log = logging.getLogger(__name__)
 
 
-def evaluate(cfg: Config, folder: Path, plan: Plan) -> list[Result]:
+def evaluate(plan: Plan, folder: Path) -> list[Result]:
     """Evaluate the planned methods on each split; one result per radius.
 
     Writes ``results.csv``, ``results.md``, ``retrievals/``, pictures and TensorBoard events below
     ``folder``.
     """
     outcomes = [
-        (split, evaluate_split(cfg, folder, plan, split))
-        for split in plan.splits
-        if plan.methods(split)
+        (split, evaluate_split(plan, folder, split)) for split in plan.splits if plan.methods(split)
     ]
     results = [result for _, of in outcomes for outcome in of for result in outcome.results]
     write_results(folder / "results.csv", results)
-    over = counted_over(cfg)
-    tables = [markdown(results, cfg.evaluation.radii[0], over), markdown_radii(results, over)]
+    over = plan.evaluation.counted_over
+    tables = [markdown(results, plan.evaluation.radii[0], over), markdown_radii(results, over)]
     (folder / "results.md").write_text("\n".join(tables))
-    _show(cfg, folder, plan, outcomes)
+    _show(plan, folder, outcomes)
     return results
 
 
-def evaluate_split(cfg: Config, folder: Path, plan: Plan, split: RetrievalSet) -> list[Outcome]:
+def evaluate_split(plan: Plan, folder: Path, split: RetrievalSet) -> list[Outcome]:
     """The outcome of each method on one split; best places are written to ``retrievals/``."""
     outcomes: list[Outcome] = []
     tasks: dict[Raster, RetrievalTask] = {}  # methods of one raster share its images
 
     def task_in(raster: Raster) -> RetrievalTask:
         if raster not in tasks:
-            tasks[raster] = load_task(build.raster_cache(cfg), split, raster)
+            tasks[raster] = load_task(plan.cache, split, raster)
         return tasks[raster]
 
     for name, method in plan.methods(split).items():
         train = plan.trained_on if method is plan.network else ""
-        outcome = _evaluate_alone(cfg, folder, name, train, method, task_in(method.raster))
+        outcome = _evaluate_alone(plan, folder, name, train, method, task_in(method.raster))
         outcomes.append(outcome)
-        if cfg.evaluation.rerank:
-            outcomes += _reranked(cfg, outcome, task_in(BevRaster()))
+        if plan.evaluation.rerank:
+            outcomes += _reranked(plan.evaluation, outcome, task_in(BevRaster()))
     for outcome in outcomes:
         write_matches(folder, outcome.matches)
     return outcomes
 
 
 def _evaluate_alone(
-    cfg: Config, folder: Path, name: str, train: str, method: Method, task: RetrievalTask
+    plan: Plan, folder: Path, name: str, train: str, method: Method, task: RetrievalTask
 ) -> Outcome:
     case = task.case(name, train)
     log.info("%s: %d queries in %d places", case, len(task.query), len(task.database))
@@ -82,41 +79,41 @@ def _evaluate_alone(
             case,
             method,
             task,
-            cfg.evaluation.radii,
-            best=max(BEST, cfg.evaluation.candidates) if cfg.evaluation.rerank else BEST,
-            device=build.device(cfg),
+            plan.evaluation.radii,
+            best=max(BEST, plan.evaluation.candidates) if plan.evaluation.rerank else BEST,
+            device=plan.device,
             progress=bar,
-            export=folder / DESCRIPTORS if cfg.evaluation.descriptors else None,
+            export=folder / DESCRIPTORS if plan.evaluation.descriptors else None,
         )
 
 
-def _reranked(cfg: Config, outcome: Outcome, task: RetrievalTask) -> list[Outcome]:
+def _reranked(
+    evaluation: EvaluationSettings, outcome: Outcome, task: RetrievalTask
+) -> list[Outcome]:
     """The same method with its best candidates aligned, as ``evaluation.rerank`` asks for."""
-    modes = cast("list[Rerank]", cfg.evaluation.rerank)
-    settings = RerankSettings(candidates=cfg.evaluation.candidates)
+    modes = cast("list[Rerank]", evaluation.rerank)
+    settings = RerankSettings(candidates=evaluation.candidates)
     with progress_bar(f"{outcome.case.method}: aligning candidates") as bar:
         return evaluate_reranked(outcome, task, modes, settings, bar)
 
 
-def _show(
-    cfg: Config, folder: Path, plan: Plan, outcomes: list[tuple[RetrievalSet, list[Outcome]]]
-) -> None:
+def _show(plan: Plan, folder: Path, outcomes: list[tuple[RetrievalSet, list[Outcome]]]) -> None:
     """Pictures, in one folder per split where there are several, and TensorBoard."""
     if plan.network is not None:
         plan.network.cpu()
     figures: dict[str, Figure] = {}
-    for split, of in outcomes if cfg.evaluation.figures else []:
+    for split, of in outcomes if plan.evaluation.figures else []:
         prefix = f"{split.name}_{split.region}/" if len(outcomes) > 1 else ""
-        drawn = evaluation_figures(of, split, plan.network, counted_over(cfg))
+        drawn = evaluation_figures(of, split, plan.network, plan.evaluation.counted_over)
         figures |= {prefix + name: figure for name, figure in drawn.items()}
     for name, figure in figures.items():
         save(figure, folder / "figures" / f"{name}.png")
     events = folder / "tensorboard"
     everything = [outcome for _, of in outcomes for outcome in of]
-    write_events(events, everything, figures, hyperparameters(cfg))
+    write_events(events, everything, figures, hyperparameters(plan.record))
     tested = [split for split, of in outcomes if any(outcome.case.train for outcome in of)]
     if plan.network is not None and tested:
-        task = load_task(build.raster_cache(cfg), tested[0], plan.network.raster)
+        task = load_task(plan.cache, tested[0], plan.network.raster)
         add_database_embedding(events, plan.network, task)
 
 

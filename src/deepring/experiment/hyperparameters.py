@@ -1,54 +1,57 @@
 """What TensorBoard's HPARAMS page tells runs apart by."""
 
-from deepring.experiment import build
-from deepring.experiment.config import Config, flattened
+from collections.abc import Mapping
+from typing import Any
+
+from deepring.paper.flat import flatten
 from deepring.paper.paper_values import AGGREGATIONS, INPUTS, LOSSES
 
 Value = bool | str | float | int
 
 
-def hyperparameters(cfg: Config) -> dict[str, Value]:
+def hyperparameters(record: Mapping[str, Any]) -> dict[str, Value]:
     """The tables' names for what sweeps vary, and the rest of the groups under ``more.``.
 
     The page sorts its columns by name and shows the first five: aggregation, data, encoder,
     input and loss; for methods other than DeepRING data, loss, lr, method and seed.
+
+    Args:
+        record: the config of the run, as its ``config.yaml`` holds it.
     """
-    loss, optimizer = build.plain(cfg.loss) or {}, build.plain(cfg.optimizer) or {}
+    method, loss, optimizer = (record[key] or {} for key in ("method", "loss", "optimizer"))
     own_loss = str(loss.get("_target_")).rpartition(".")[2]
-    method = build.plain(cfg.method) or {}
-    trained = [config.name for config in cfg.train_data.values()] or [cfg.data.name]
+    trained = [node["name"] for node in record["train_data"].values()] or [record["data"]["name"]]
     short: dict[str, Value] = {
         "data": "+".join(trained),
         "loss": LOSSES.get(own_loss, own_loss),
         "lr": optimizer.get("lr", 0.0),
         "method": str(method.get("_target_")).rpartition(".")[2],
-        "seed": cfg.seed,
-        **_of_deepring(cfg),
+        "seed": record["seed"],
+        **_of_deepring(method),
+        **_of_episodes(record["sampling"] or {}),
     }
-    groups = (
-        *("method", "representation", "encoder", "similarity", "loss", "sampling"),
-        "optimizer",
-    )
-    rest = flattened({name: build.plain(getattr(cfg, name)) for name in groups})
+    groups = ("method", "loss", "sampling", "optimizer")
+    rest = flatten({name: record[name] for name in groups})
     return short | {
         f"more.{key}": value if isinstance(value, Value) else str(value)
         for key, value in rest.items()
-        if value is not None
     }
 
 
-def _of_deepring(cfg: Config) -> dict[str, Value]:
+def _of_deepring(method: Mapping[str, Any]) -> dict[str, Value]:
     """What makes a DeepRING; empty for other methods."""
-    r, e, a, s = cfg.representation, cfg.encoder, cfg.aggregation, cfg.similarity
-    if r is None or e is None or a is None or s is None:
+    if "representation" not in method:
         return {}
-    raster = str(r.raster["kind"])
-    widths = "-".join(str(width) for width in e.widths)
-    own: dict[str, Value] = {
-        "aggregation": AGGREGATIONS.get(a.kind, a.kind),
-        "encoder": f"{widths} x{e.convolutions}" + (f", stem {e.stem}" if e.stem > 1 else ""),
-        "input": INPUTS.get(raster, raster),
-        "similarity": s.kind,
+    raster, encoder, aggregation = method["raster"], method["encoder"], method["aggregation"]
+    widths = "-".join(str(width) for width in encoder["widths"])
+    stem = f", stem {encoder['stem']}" if encoder["stem"] > 1 else ""
+    return {
+        "aggregation": AGGREGATIONS.get(aggregation["kind"], aggregation["kind"]),
+        "encoder": f"{widths} x{encoder['convolutions']}{stem}",
+        "input": INPUTS.get(raster["kind"], raster["kind"]),
+        "similarity": method["similarity"]["kind"],
     }
-    sampling = build.plain(cfg.sampling) or {}
-    return own | {name: sampling[name] for name in ("ways", "shots", "queries") if name in sampling}
+
+
+def _of_episodes(episode: Mapping[str, Any]) -> dict[str, Value]:
+    return {name: episode[name] for name in ("ways", "shots", "queries") if name in episode}

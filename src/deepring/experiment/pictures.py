@@ -12,8 +12,8 @@ from torch import Tensor
 from deepring.core.correlation import correlation_curves
 from deepring.core.radon import radon
 from deepring.core.rigid import turn_points
-from deepring.data.cache import ScanSet
 from deepring.data.dataset import RetrievalSet
+from deepring.data.scan_set import ScanSet
 from deepring.evaluation.counting import precision_recall
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.metrics import Over
@@ -106,5 +106,5 @@ def twin_figure(method: Method, scans: ScanSet, k: int) -> Figure:
 
 def period_of(method: Method) -> float:
     """Degrees after which the method's sinograms repeat themselves."""
-    half = isinstance(method, DeepRing) and method.settings.theta_range == "half"
+    half = isinstance(method, DeepRing) and method.settings.representation.theta_range == "half"
     return 180.0 if half else 360.0

@@ -8,12 +8,12 @@ import torch
 from omegaconf import OmegaConf
 
 from deepring.core.correlation import correlation_curves
+from deepring.data.cache import RasterCache
 from deepring.data.dataset import RetrievalSet
 from deepring.errors import DeepringError
 from deepring.evaluation.matches import TopMatches, matches_in
 from deepring.evaluation.results import Result, read_results
 from deepring.evaluation.task import load_task, rows_of
-from deepring.experiment import build
 from deepring.experiment.config import Config, check_config
 from deepring.experiment.pictures import period_of
 from deepring.experiment.plan import plan_evaluation
@@ -55,7 +55,7 @@ def report(run: Path, failures: int = 6) -> str:
         html.heading("The worst failures"),
         *_failures(run, cfg, radius, failures),
         html.heading("Config"),
-        html.preformatted(OmegaConf.to_yaml(cfg)),
+        html.preformatted((run / "config.yaml").read_text()),
     ]
     return html.page(f"{cfg.experiment_name}: {run.resolve().name}", parts)
 
@@ -111,16 +111,20 @@ def _failures(run: Path, cfg: Config, radius: float, count: int) -> Iterator[str
             f"are wrong; shown are the {min(count, len(wrong))} of the highest scores."
         )
         worst = wrong[np.argsort(-matches.score[wrong, 0], kind="stable")][:count]
-        yield from _drawn(cfg, network, split, matches, worst)
+        yield from _drawn(plan.cache, network, split, matches, worst)
 
 
 def _drawn(
-    cfg: Config, network: DeepRing, split: RetrievalSet, matches: TopMatches, worst: np.ndarray
+    cache: RasterCache,
+    network: DeepRing,
+    split: RetrievalSet,
+    matches: TopMatches,
+    worst: np.ndarray,
 ) -> Iterator[str]:
     """The queries at rows ``worst`` of the matches, each with its best and its nearest place."""
     raster = network.raster
     assert isinstance(raster, BevRaster)
-    task = load_task(build.raster_cache(cfg), split, raster)
+    task = load_task(cache, split, raster)
     queries, database = task.scans.query, task.scans.database
     for number, best, score in zip(
         matches.query[worst], matches.place[worst, 0], matches.score[worst, 0], strict=True

@@ -6,6 +6,7 @@ import platform
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -18,25 +19,24 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from deepring.errors import DeepringError
-from deepring.experiment.config import Config
 from deepring.io.files import replacing
 
 PACKAGES = ("deepring", "torch", "lightning", "hydra-core", "torchmetrics", "numpy", "scipy")
 
 
-def open_run_folder(cfg: Config, folder: Path) -> None:
+def open_run_folder(record: Mapping[str, Any], folder: Path) -> None:
     """Write ``config.yaml`` and ``versions.json`` into ``folder``.
 
+    The record is that of `deepring.experiment.record.record_of`.
     A run that goes on in its folder keeps both and adds ``config_resumed_<time>.yaml`` and
     ``versions_resumed_<time>.json``.
     """
     folder.mkdir(parents=True, exist_ok=True)
     resumed = (folder / "config.yaml").exists()
     suffix = time.strftime("_resumed_%Y-%m-%d_%H-%M-%S") if resumed else ""
-    record = json.dumps(versions(cfg.seed), indent=2) + "\n"
     texts = {
-        f"config{suffix}.yaml": OmegaConf.to_yaml(cfg, resolve=True),
-        f"versions{suffix}.json": record,
+        f"config{suffix}.yaml": OmegaConf.to_yaml(OmegaConf.create(dict(record))),
+        f"versions{suffix}.json": json.dumps(versions(record["seed"]), indent=2) + "\n",
     }
     for name, text in texts.items():
         with replacing(folder / name) as temporary:

@@ -2,24 +2,23 @@
 
 import logging
 import re
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
-
-from omegaconf import OmegaConf
+from typing import Any
 
 from deepring.errors import DeepringError
-from deepring.experiment.config import Config, flattened
+from deepring.experiment.config import Config
+from deepring.experiment.record import record_of
 from deepring.experiment.run_folder import read_config
 from deepring.experiment.status import failure_noted, read_status, sole_worker
 from deepring.experiment.train import train
+from deepring.paper.flat import INDIFFERENT, flatten
 
 log = logging.getLogger(__name__)
 
-#: What may differ between a run and its going on: where it lies and what it shows.
-IGNORED = re.compile(
-    r"(resume|paths|workers|logger|experiment_name|sweep_name|callbacks\.(progress|learning_rate))"
-    r"(\..*)?|callbacks\..*\.dirpath"
-)
+#: What may differ between a run and its going on.
+_INDIFFERENT = re.compile(INDIFFERENT)
 
 
 def run_job(cfg: Config, folder: Path) -> float | None:
@@ -28,11 +27,11 @@ def run_job(cfg: Config, folder: Path) -> float | None:
     A folder with a checkpoint goes on from the last one. Raises DeepringError where the folder
     holds a run of another config, which is left as it is, and where another process is at it.
     """
-    _check_alone(cfg)
+    _check_alone(cfg.trainer)
     with sole_worker(folder):
         kept = folder / "config.yaml"
         if kept.is_file():
-            _check_same(cfg, kept)
+            _check_same(record_of(cfg), kept)
         status = read_status(folder)
         if status is not None and status.state == "finished":
             log.info("finished before: skipped")
@@ -40,13 +39,13 @@ def run_job(cfg: Config, folder: Path) -> float | None:
         last = folder / "checkpoints" / "last.ckpt"
         if last.is_file():
             log.info("going on from %s", last)
-            cfg.resume = str(last)
+            cfg = replace(cfg, resume=str(last))
         with failure_noted(folder):
             return train(cfg, folder, latest=False).score
 
 
-def _check_alone(cfg: Config) -> None:
-    devices, nodes = cfg.trainer.devices, cfg.trainer.num_nodes
+def _check_alone(trainer: Mapping[str, Any]) -> None:
+    devices, nodes = trainer["devices"], trainer["num_nodes"]
     if (devices, nodes) != (1, 1):
         raise DeepringError(
             f"trainer.devices: {devices}, trainer.num_nodes: {nodes}; a sweep gives each job one "
@@ -54,15 +53,13 @@ def _check_alone(cfg: Config) -> None:
         )
 
 
-def _check_same(cfg: Config, path: Path) -> None:
+def _check_same(record: Mapping[str, Any], path: Path) -> None:
     """Refuse a folder whose config is another one."""
-    kept = read_config(path)
-    asked = OmegaConf.to_container(cast("Any", cfg), resolve=True)
-    before, now = flattened(kept), flattened(asked)
+    before, now = flatten(read_config(path)), flatten(record)
     keys = sorted(
         key
         for key in before.keys() | now.keys()
-        if not IGNORED.fullmatch(key) and before.get(key) != now.get(key)
+        if not _INDIFFERENT.fullmatch(key) and before.get(key) != now.get(key)
     )
     if keys:
         changes = "; ".join(f"{key}: {before.get(key)}, now {now.get(key)}" for key in keys[:5])

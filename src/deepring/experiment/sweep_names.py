@@ -10,14 +10,14 @@ from omegaconf import OmegaConf
 
 from deepring.errors import ConfigError
 
-#: Groups whose files say what a sweep varies.
-_SWEEPING = ("ablation", "comparison")
+#: The group whose files say what a sweep varies.
+_SWEEPING = "sweep"
 
 
 def naming(overrides: Sequence[str], configs: Path) -> list[str]:
     """One more override, so that a job's folder is named after the varied keys alone.
 
-    The keys that an ablation or a comparison varies are part of the name even where ``overrides``
+    The keys that a file of ``sweep`` varies are part of the name even where ``overrides``
     give them one value. Of a key that is given twice the last value counts, as for Hydra.
 
     Args:
@@ -41,7 +41,7 @@ def naming(overrides: Sequence[str], configs: Path) -> list[str]:
         swept[key] = override.is_sweep_override()
         if key == "hydra.sweep.dir" and not override.value():
             raise ConfigError(f"{text}: expected a folder to keep the sweep in")
-        if key in _SWEEPING and not swept[key]:
+        if key == _SWEEPING and not swept[key]:
             varied |= _varied_by(configs / key / f"{override.value()}.yaml")
     fixed = [key for key in swept if not swept[key] and key.lstrip("+~") not in varied]
     keys = ",".join(f'"{key}"' for key in dict.fromkeys(_spellings(fixed)))

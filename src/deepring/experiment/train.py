@@ -17,6 +17,7 @@ from deepring.experiment import build
 from deepring.experiment.config import Config
 from deepring.experiment.evaluate import evaluate
 from deepring.experiment.plan import distance_to_training, plan_evaluation
+from deepring.experiment.record import record_of
 from deepring.experiment.run_folder import (
     LinkLatest,
     is_first_process,
@@ -25,6 +26,8 @@ from deepring.experiment.run_folder import (
 )
 from deepring.experiment.status import Status, write_status
 from deepring.methods.checkpoint import load_network
+from deepring.methods.network import NetworkMethod
+from deepring.paper.flat import flatten
 from deepring.training.datamodule import PlaceDataModule
 from deepring.training.module import PlaceModule
 
@@ -51,20 +54,20 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> Trained:
     that learns nothing is evaluated. Raises DeepringError on a user's mistake.
     """
     L.seed_everything(cfg.seed, workers=True, verbose=False)
-    if not build.learns(cfg):
+    method = build.method(cfg.method)
+    if not isinstance(method, NetworkMethod):
         return _evaluate_alone(cfg, folder, latest=latest)
-    both = build.datasets(cfg)
-    datasets = both.train
-    network = build.network(cfg)
+    datasets = build.datasets(cfg)
     # Whatever would fail after the training fails now, before anything is written.
     if cfg.evaluate:
-        splits = plan_evaluation(cfg, datasets=both, after=True).splits
-        check_overlap(cfg, datasets, splits)
-    datamodule = build.datamodule(cfg, datasets, network.raster)
-    module = build.module(cfg, datasets, network)
-    _check_resume(cfg, module)
+        splits = plan_evaluation(cfg, datasets=datasets, after=True).splits
+        check_overlap(cfg.overlap, datasets.train, splits)
+    datamodule = build.datamodule(cfg, datasets.train, method.raster)
+    module = build.module(cfg, datasets.train, method)
+    if cfg.resume is not None:
+        _check_resume(cfg.resume, module)
     if is_first_process():
-        open_run_folder(cfg, folder)
+        open_run_folder(record_of(cfg), folder)
         write_status(folder, Status("running"))
     timer = Timer()
     further = [timer, LinkLatest(folder)] if latest else [timer]
@@ -72,15 +75,15 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> Trained:
 
     log.info(
         "training %d parameters of %s on %s",
-        sum(p.numel() for p in module.method.parameters()),
-        network.settings.label,
-        " + ".join(dataset.name for dataset in datasets),
+        sum(p.numel() for p in method.parameters()),
+        method.settings.label,
+        " + ".join(dataset.name for dataset in datasets.train),
     )
     _fit(trainer, module, datamodule, cfg.resume, folder)
     checkpoint, score = _best_checkpoint(trainer, folder)
     results = []
     if cfg.evaluate and trainer.is_global_zero:
-        results = evaluate(cfg, folder, plan_evaluation(cfg, checkpoint, both))
+        results = evaluate(plan_evaluation(cfg, checkpoint, datasets), folder)
     if trainer.is_global_zero:
         seconds = timer.time_elapsed("train")
         write_status(folder, Status("finished", score=score, seconds=seconds))
@@ -89,11 +92,11 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> Trained:
 
 def _evaluate_alone(cfg: Config, folder: Path, *, latest: bool) -> Trained:
     """A method that learns nothing, in a run folder like the others'."""
-    log.info("%s learns nothing: it is evaluated", cfg.method.get("label", cfg.method["_target_"]))
     plan = plan_evaluation(cfg)
-    open_run_folder(cfg, folder)
+    log.info("%s learns nothing: it is evaluated", next(iter(plan.fixed)))
+    open_run_folder(plan.record, folder)
     write_status(folder, Status("running"))
-    results = evaluate(cfg, folder, plan)
+    results = evaluate(plan, folder)
     write_status(folder, Status("finished"))
     if latest:
         link_latest(folder)
@@ -115,30 +118,30 @@ def _fit(
         raise StoppedError(_interrupted(folder)) from None
 
 
-def _check_resume(cfg: Config, module: PlaceModule) -> None:
+def _check_resume(resume: str, module: PlaceModule) -> None:
     """Refuse to resume what is no checkpoint, or one of another network or loss."""
-    if cfg.resume is None:
-        return
-    if not cfg.resume.endswith(".ckpt"):
+    if not resume.endswith(".ckpt"):
         raise DeepringError(
-            f"resume: {cfg.resume}, expected the .ckpt of a run, which holds the state of the "
+            f"resume: {resume}, expected the .ckpt of a run, which holds the state of the "
             "training and not the network alone"
         )
-    method, _, loss = load_network(cfg.resume, type(module.method))
-    kept = {"method": method.settings.label, **method.settings.to_dict(), "loss": loss}
-    own = module.method.settings
-    asked = {"method": own.label, **own.to_dict(), "loss": type(module.loss).__name__}
-    differing = [name for name in asked if asked[name] != kept.get(name)]
+    method, _, loss = load_network(resume, type(module.method))
+    kept, asked = method.settings, module.method.settings
+    before = {"method": kept.label, **flatten(kept.to_dict()), "loss": loss}
+    now = {"method": asked.label, **flatten(asked.to_dict()), "loss": type(module.loss).__name__}
+    differing = [name for name in {**now, **before} if now.get(name) != before.get(name)]
+    if "method" in differing:
+        differing = ["method"]
     if differing:
         raise DeepringError(
-            f"resume: {cfg.resume} was trained with other {', '.join(differing)}: "
-            + "; ".join(f"{name} {kept.get(name)}, now {asked[name]}" for name in differing)
+            f"resume: {resume} was trained with other {', '.join(differing)}: "
+            + "; ".join(f"{name} {before.get(name)}, now {now.get(name)}" for name in differing)
             + "; give the same overrides as the run that made it"
         )
 
 
 def check_overlap(
-    cfg: Config, datasets: Sequence[PlaceDataset], splits: Sequence[RetrievalSet]
+    overlap: str, datasets: Sequence[PlaceDataset], splits: Sequence[RetrievalSet]
 ) -> None:
     """Refuse to train on scans that are tested on, and say how far apart the two lie."""
     for dataset in datasets:
@@ -148,9 +151,9 @@ def check_overlap(
             apart = distance_to_training(dataset, split)
             where = f"{split.name} {split.region}"
             log.info("training scans keep %.0f m from those of %s", apart, where)
-            if apart > 0 or cfg.overlap == "allow":
+            if apart > 0 or overlap == "allow":
                 continue
-            if cfg.overlap == "leave_out":
+            if overlap == "leave_out":
                 log.info("%s holds training scans: it is left out", where)
                 continue
             raise DeepringError(

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from deepring import checks
 from deepring.core.rigid import wrap_angle, yaw_after_turn, yaw_of
-from deepring.data.cache import Progress
 from deepring.data.session import Session
 from deepring.data.spacing import path_lengths, sample_by_distance
 from deepring.errors import DataError
 from deepring.localization.location import AcceptanceThresholds, Location
 from deepring.localization.map import Map
 from deepring.localization.refinement import RefinementSettings, refine, small_gicp
+from deepring.progress import Progress
 
 #: When to trust a loop. A wrong loop costs a back end more than a missed one, and keyframes 2 m
 #: apart give each return many chances: the largest fit, in hundredths, that keeps 98 % of the

@@ -11,7 +11,6 @@ from torch import Tensor
 
 from deepring import checks
 from deepring.core.rigid import yaw_after_turn
-from deepring.data.cache import Progress
 from deepring.data.session import Session
 from deepring.data.spacing import sample_by_distance
 from deepring.errors import ConfigError, DataError
@@ -23,6 +22,7 @@ from deepring.localization.place_store import PlaceStore
 from deepring.localization.scan_points import expect_scan
 from deepring.methods.deepring import DeepRing
 from deepring.methods.portable import describe_network, make_network, weights_of
+from deepring.progress import Progress
 from deepring.rasters import BevRaster
 from deepring.search.block_store import axis_of
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
@@ -71,7 +71,7 @@ class Map:
         if not isinstance(index, CorrelationIndex) or not isinstance(raster, BevRaster):
             raise ConfigError(
                 f"network: {network.settings.label} over a {type(raster).__name__}, compared by "
-                f"{network.settings.similarity}; expected a BevRaster and correlation"
+                f"{network.settings.similarity.kind}; expected a BevRaster and correlation"
             )
         self.network, self.raster, self.index = network.eval(), raster, index
         self.ground_z = checks.number("ground_z", ground_z, "metres")

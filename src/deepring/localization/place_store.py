@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring.core.rigid import yaw_of
-from deepring.data.cache import pack, unpack
+from deepring.data.packed_rasters import pack, unpack
 from deepring.errors import DataError
 from deepring.rasters import BevRaster
 from deepring.search.block_store import BlockStore
@@ -31,9 +31,14 @@ class PlaceStore:
         return -(-(self.raster.cells**2) // 8)
 
     @property
+    def poses(self) -> NDArray[np.float64]:
+        """Poses (n, 4, 4), world <- scan: a copy of all of them."""
+        return self.tensors()["poses"].numpy()
+
+    @property
     def positions(self) -> NDArray[np.float64]:
-        """World positions (n, 2), metres."""
-        return self.tensors()["poses"][:, :2, 3].numpy()
+        """World positions (n, 2), metres: a copy of all of them."""
+        return self.poses[:, :2, 3]
 
     def add(
         self, images: NDArray[np.bool_], poses: NDArray[np.float64], names: Sequence[str]

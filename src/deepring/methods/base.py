@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple, Protocol, Self, cast, runtime_checkable
 
+from jaxtyping import Float, Shaped
 from torch import Tensor
 
 from deepring.errors import FileError
@@ -15,9 +16,9 @@ from deepring.search.hits import Index
 class Comparison(NamedTuple):
     """Queries against a database."""
 
-    score: Tensor
+    score: Float[Tensor, "q d"]
     """(q, d) float; higher is more alike."""
-    turn: Tensor | None
+    turn: Float[Tensor, "q d"] | None
     """(q, d) float32 radians, the turn of the points from entry to query; None if not known."""
 
 
@@ -38,11 +39,15 @@ class Method(Protocol):
         """The image of a scan that the method describes; it is what the cache holds."""
         ...
 
-    def describe(self, rasters: Tensor) -> Tensor:
+    def describe(
+        self, rasters: Shaped[Tensor, " batch *raster"]
+    ) -> Float[Tensor, " batch *descriptor"]:
         """Descriptors (b, ...) of rasters (b, *raster.shape)."""
         ...
 
-    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+    def compare(
+        self, queries: Float[Tensor, " q *descriptor"], database: Float[Tensor, " d *descriptor"]
+    ) -> Comparison:
         """Compare descriptors (q, ...) with descriptors (d, ...)."""
         ...
 

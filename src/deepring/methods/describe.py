@@ -4,10 +4,11 @@ from collections.abc import Iterator
 from typing import Protocol
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
-from deepring.data.cache import Progress
 from deepring.methods.base import Method
+from deepring.progress import Progress
 
 
 class Images(Protocol):
@@ -23,7 +24,7 @@ def describe_all(
     batch: int = 64,
     device: torch.device | None = None,
     progress: Progress | None = None,
-) -> Tensor:
+) -> Float[Tensor, " n *descriptor"]:
     """Descriptors (n, ...) of n images, ``batch`` in memory at a time, made on ``device``."""
     return torch.cat(list(describe_batches(method, images, batch, device, progress)))
 

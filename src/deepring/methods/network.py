@@ -1,49 +1,30 @@
 """What learned methods share: settings that travel in checkpoints, descriptions of scans."""
 
 from abc import ABC, abstractmethod
-from dataclasses import fields
 from typing import Any, ClassVar, Self
 
 import torch
+from jaxtyping import Float, Shaped
 from torch import Tensor, nn
 
-from deepring.checks import of_type, one_of
+from deepring.checks import of_type
 from deepring.errors import ConfigError
 from deepring.methods import registry
 from deepring.methods.base import Comparison
-from deepring.methods.plain_values import plain
+from deepring.methods.settings import SettingsGroup
 from deepring.rasters import Raster, make_raster
 
 
-class PlainSettings:
-    """Base of frozen dataclasses of plain values, among them ``raster``, a raster's settings.
+class PlainSettings(SettingsGroup):
+    """Base of the frozen dataclasses that make a network: a raster's settings, and more.
 
-    Sequences become tuples, those within ``raster`` lists, so that equal settings compare equal
-    wherever they come from.
+    They are plain values, which travel in checkpoints and are the method's node in a config.
     """
 
     label: ClassVar[str]
     """The method's name, for messages."""
 
     raster: dict[str, Any]
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if isinstance(value, list):
-                object.__setattr__(self, name, tuple(value))
-        object.__setattr__(self, "raster", plain(self.raster))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain dict of lists, strings and numbers, as `from_dict` takes it."""
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}  # type: ignore[arg-type]
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> Self:
-        """The settings of these values. Raises ConfigError where a key is no setting."""
-        names = [f.name for f in fields(cls)]  # type: ignore[arg-type]
-        for key in values:
-            one_of(f"{cls.label} settings", key, names)
-        return cls(**values)
 
 
 class NetworkMethod(nn.Module, ABC):
@@ -77,19 +58,27 @@ class NetworkMethod(nn.Module, ABC):
         return self._raster
 
     @abstractmethod
-    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+    def compare(
+        self, queries: Float[Tensor, " q *descriptor"], database: Float[Tensor, " d *descriptor"]
+    ) -> Comparison:
         """Compare descriptors (q, ...) with descriptors (d, ...)."""
 
-    def score(self, queries: Tensor, database: Tensor) -> Tensor:
+    def score(
+        self, queries: Float[Tensor, " q *descriptor"], database: Float[Tensor, " d *descriptor"]
+    ) -> Float[Tensor, "q d"]:
         """The scores of `compare` alone, (q, d)."""
         return self.compare(queries, database).score
 
-    def vectors(self, descriptors: Tensor) -> Tensor:
+    def vectors(
+        self, descriptors: Float[Tensor, " batch *descriptor"]
+    ) -> Float[Tensor, "batch value"]:
         """What losses of distances compare: (b, ...) -> (b, d); the descriptors themselves."""
         return descriptors.flatten(1)
 
     @torch.no_grad()
-    def describe(self, rasters: Tensor) -> Tensor:
+    def describe(
+        self, rasters: Shaped[Tensor, " batch *raster"]
+    ) -> Float[Tensor, " batch *descriptor"]:
         """`forward` in evaluation mode, on the network's device; descriptors come back on it."""
         training = self.training
         self.eval()

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import torch.nn.functional as F
+from jaxtyping import Float
 from torch import Tensor
 
 from deepring.core.similarity import negative_distance
@@ -55,12 +56,14 @@ class PointNetVlad(NetworkMethod):
             settings.second[-1], settings.clusters, settings.dimension, gating=settings.gating
         )
 
-    def forward(self, rasters: Tensor) -> Tensor:
+    def forward(self, rasters: Float[Tensor, "batch n 3"]) -> Float[Tensor, "batch value"]:
         """Descriptors (b, dimension) float32 of points (b, n, 3), of any floating type."""
         features = F.normalize(self.features(rasters.float()), dim=-1)
         return F.normalize(self.aggregate(features), dim=-1)
 
-    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+    def compare(
+        self, queries: Float[Tensor, "q value"], database: Float[Tensor, "d value"]
+    ) -> Comparison:
         """Negative Euclidean distance, in [-2, 0]; the turn is not known."""
         return Comparison(negative_distance(queries, database), None)
 

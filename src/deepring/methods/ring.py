@@ -4,6 +4,7 @@ import math
 from typing import ClassVar
 
 import torch
+from jaxtyping import Float, Shaped
 from torch import Tensor
 
 from deepring.checks import of_type, one_of
@@ -43,7 +44,9 @@ class Ring(FixedMethod):
         self.angles, self.bins, self.correlation = angles, bins, correlation
 
     @torch.no_grad()
-    def describe(self, rasters: Tensor) -> Tensor:
+    def describe(
+        self, rasters: Shaped[Tensor, " batch *channel n n"]
+    ) -> Float[Tensor, "batch theta value"]:
         """TI-RINGs (b, angles, c (bins // 2 + 1)) of images (b, c, n, n), or (b, n, n) with c = 1.
 
         The c channels lie one after the other along the last axis. Each has zero mean and unit
@@ -53,7 +56,9 @@ class Ring(FixedMethod):
         spectrum = row_dft_magnitude(radon(channels, self.angles, self.bins))
         return standardise_spectrum(spectrum, self.bins).transpose(1, 2).flatten(start_dim=2)
 
-    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+    def compare(
+        self, queries: Float[Tensor, "q theta value"], database: Float[Tensor, "d theta value"]
+    ) -> Comparison:
         """Correlation per cell, in [-1, 1], as published in [0, 1], and the turn modulo π."""
         match = circular_cross_correlation(queries, database, self.correlation)
         turn = shift_to_turn(match.shift, queries.shape[-2])

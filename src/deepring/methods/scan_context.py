@@ -1,6 +1,7 @@
 """Scan Context (Kim and Kim 2018; irapkaist/scancontext)."""
 
 import torch
+from jaxtyping import Float, Int64, Shaped
 from torch import Tensor
 
 from deepring.checks import count, of_type
@@ -32,11 +33,13 @@ class ScanContext(FixedMethod):
             count("Scan Context: candidates", candidates)
         self.candidates = candidates
 
-    def describe(self, rasters: Tensor) -> Tensor:
+    def describe(self, rasters: Shaped[Tensor, "batch theta r"]) -> Float[Tensor, "batch theta r"]:
         """The heights as float32: (b, sectors, rings)."""
         return rasters.float()
 
-    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+    def compare(
+        self, queries: Float[Tensor, "q theta r"], database: Float[Tensor, "d theta r"]
+    ) -> Comparison:
         """The mean cosine over columns that are non-empty in both; -1 for no candidates."""
         score, shift = best_cosines(unit_columns(queries), unit_columns(database))
         if self.candidates is not None and self.candidates < len(database):
@@ -64,12 +67,12 @@ class ContextIndex:
     def __len__(self) -> int:
         return len(self.places)
 
-    def add(self, descriptors: Tensor) -> None:
+    def add(self, descriptors: Float[Tensor, "n theta r"]) -> None:
         """Add places."""
         columns, filled = unit_columns(descriptors)
         self.places.add({"columns": columns, "filled": filled, "key": ring_keys(descriptors)})
 
-    def search(self, queries: Tensor, k: int = 1) -> Hits:
+    def search(self, queries: Float[Tensor, "q theta r"], k: int = 1) -> Hits:
         """The ``k`` places of the largest mean cosine, with the turn from place to query."""
         count("k", k)
         best = Best(len(queries), k)
@@ -91,7 +94,9 @@ class ContextIndex:
             best.update(torch.cat(scores), places, torch.cat(shifts))
         return Hits(best.place, best.score, shift_to_turn(best.shift, queries.shape[-2]))
 
-    def _nearest_keys(self, queries: Tensor, number: int) -> Tensor:
+    def _nearest_keys(
+        self, queries: Float[Tensor, "q theta r"], number: int
+    ) -> Int64[Tensor, "q _"]:
         """The places (q, number) whose ring keys are nearest."""
         best = Best(len(queries), number)
         for start, (keys,) in self.places.chunks(_KEYS, "key"):
@@ -99,18 +104,20 @@ class ContextIndex:
         return best.place
 
 
-Columns = tuple[Tensor, Tensor]
+Columns = tuple[Float[Tensor, "_ _ _"], Float[Tensor, "_ _ 1"]]
 """Columns at unit norm (n, sectors, rings), and 1.0 where they are non-empty (n, sectors, 1)."""
 
 
-def unit_columns(context: Tensor) -> Columns:
+def unit_columns(context: Float[Tensor, "n theta r"]) -> Columns:
     """The columns of contexts (n, sectors, rings)."""
     norm = torch.linalg.vector_norm(context, dim=-1, keepdim=True)
     filled = norm > 0
     return torch.where(filled, context / norm.clamp_min(1e-12), 0.0), filled.float()
 
 
-def best_cosines(queries: Columns, places: Columns) -> tuple[Tensor, Tensor]:
+def best_cosines(
+    queries: Columns, places: Columns
+) -> tuple[Float[Tensor, "q n"], Int64[Tensor, "q n"]]:
     """The mean cosine over the columns filled in both, at the best column shift, and that shift.
 
     Both are (q, n), of all pairs.
@@ -121,12 +128,14 @@ def best_cosines(queries: Columns, places: Columns) -> tuple[Tensor, Tensor]:
     return best.values, best.indices
 
 
-def ring_keys(context: Tensor) -> Tensor:
+def ring_keys(context: Float[Tensor, "n theta r"]) -> Float[Tensor, "n r"]:
     """Mean over sectors of contexts (n, sectors, rings): (n, rings)."""
     return context.float().mean(dim=-2)
 
 
-def key_distances(queries: Tensor, keys: Tensor) -> Tensor:
+def key_distances(
+    queries: Float[Tensor, "q theta r"], keys: Float[Tensor, "n r"]
+) -> Float[Tensor, "q n"]:
     """L2 (q, n) of the ring keys of contexts (q, sectors, rings) to keys (n, rings)."""
     # Without matrix products, whose cancellation confuses keys that are close.
     return torch.cdist(ring_keys(queries), keys, compute_mode="donot_use_mm_for_euclid_dist")

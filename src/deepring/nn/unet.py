@@ -1,4 +1,4 @@
-"""The feature extraction network: a UNet of circular convolutions (paper, Sec. III-B)."""
+"""The feature extraction network: a UNet of circular convolutions (paper, Sec. III-B, Eq. 6)."""
 
 import math
 from collections.abc import Callable, Sequence

@@ -90,7 +90,7 @@ def is_comparison(runs: Iterable[Run]) -> bool:
     """Whether methods are to be compared, not the settings of DeepRING.
 
     They are where some run is of another method than DeepRING by its ``method._target_``, or was
-    tested in several places; a config of before there was ``method`` is DeepRING's.
+    tested in several places.
     """
     return any(
         _method_class(run) != "DeepRing" or len({r.case.place for r in run.results}) > 1
@@ -134,7 +134,7 @@ def compare(
 
 
 def _method_class(run: Run) -> str:
-    return str(setting_of(run)["method._target_"]).rpartition(".")[2]
+    return str(setting_of(run).get("method._target_")).rpartition(".")[2]
 
 
 def _order(row: Tested) -> tuple[int, str, str, tuple[int, str], str]:

@@ -29,10 +29,7 @@ from deepring.paper.seed_groups import (
 from deepring.reports.results_table import recall
 
 #: What a trained method is made with, beside the data.
-_MADE = re.compile(
-    r"(method|representation|encoder|aggregation|similarity|loss|sampling|optimizer"
-    r"|scheduler|trainer|callbacks)\..*"
-)
+_MADE = re.compile(r"(method|loss|sampling|optimizer|scheduler|trainer|callbacks)\..*")
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +92,7 @@ def collect(
     """What was tested, each method, training, dataset and region with all its seeds.
 
     Args:
-        runs: finished runs; a config of before there was ``method`` is DeepRING's.
+        runs: finished runs.
         radius: metres; the results at this radius are taken.
         over: recall as the share of the answerable queries, or of all.
         mix: let runs on different data or under different protocols stand beside each other.
@@ -156,7 +153,7 @@ def _made(run: Run, case: Case) -> dict[str, Any]:
 
 
 def _method(run: Run) -> Mapping[str, Any]:
-    """What the config says of the run's own method; nothing before there was such a key."""
+    """What the config says of the run's own method."""
     return run.config.get("method") or {}
 
 

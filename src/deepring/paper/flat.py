@@ -1,8 +1,15 @@
-"""Configs as flat values, for comparing: one dotted key a value, and values as text."""
+"""Configs as flat values, for comparing: one dotted key per value, and values as text."""
 
 import json
 from collections.abc import Mapping
 from typing import Any
+
+#: Keys by which no run gives other results, as a regular expression: where it lies, what it shows,
+#: how it goes on.
+INDIFFERENT = (
+    r"(resume|paths|workers|logger|experiment_name|sweep_name|callbacks\.(progress|learning_rate))"
+    r"(\..*)?|callbacks\..*\.dirpath"
+)
 
 
 def flatten(node: Any, prefix: str = "") -> dict[str, Any]:

@@ -40,13 +40,14 @@ PAPER = {
 PAPER_WAYS = {8: 0.834, 16: 0.855, 24: 0.859, 32: 0.855}
 
 WAYS = "sampling.ways"
+SIMILARITY = "method.similarity.kind"
 
 #: Settings that the paper states, beside the similarity that goes with a loss.
 STATED = {
-    "representation.theta_range": "full",
-    "representation.angles": 120,
-    "representation.bins": 120,
-    "representation.pool": 1,
+    "method.representation.theta_range": "full",
+    "method.representation.angles": 120,
+    "method.representation.bins": 120,
+    "method.representation.pool": 1,
     WAYS: 24,
     "sampling.shots": 1,
     "sampling.queries": 6,
@@ -58,13 +59,13 @@ STATED = {
 
 #: What a row must share with the paper even where it does not vary: a smaller network or fewer
 #: episodes leave the rows what they are, these do not.
-_ALWAYS = ("similarity.kind", "representation.theta_range", WAYS)
+_ALWAYS = (SIMILARITY, "method.representation.theta_range", WAYS)
 
 
 def components(row: Row) -> Components:
     """A row's components; one without a name of the paper's has its config's."""
-    raster = str(row.setting.get("representation.raster.kind", NONE))
-    kind = str(row.setting.get("aggregation.kind", NONE))
+    raster = str(row.setting.get("method.raster.kind", NONE))
+    kind = str(row.setting.get("method.aggregation.kind", NONE))
     loss = str(row.setting.get("loss._target_", NONE)).rpartition(".")[2]
     return Components(
         INPUTS.get(raster, raster), AGGREGATIONS.get(kind, kind), LOSSES.get(loss, loss)
@@ -91,7 +92,7 @@ def paper_recall_at_ways(row: Row, rows: Sequence[Row]) -> float | None:
 def _as_in_paper(row: Row, rows: Sequence[Row], stated: Mapping[str, Any]) -> bool:
     own = components(row)
     alike = [other for other in rows if components(other) == own]
-    stated = {**stated, "similarity.kind": "correlation" if own.loss == OURS.loss else "l2"}
+    stated = {**stated, SIMILARITY: "correlation" if own.loss == OURS.loss else "l2"}
     return all(
         key in stated and row.setting.get(key) == stated[key] for key in {*_ALWAYS, *varied(alike)}
     )

@@ -12,7 +12,7 @@ from typing import Any, Protocol, TypeVar
 
 from deepring.errors import DeepringError
 from deepring.evaluation.results import Result
-from deepring.paper.flat import flatten, frozen
+from deepring.paper.flat import INDIFFERENT, flatten, frozen
 
 #: The name of the trained network in the results of a training run.
 TRAINED = "DeepRING"
@@ -20,23 +20,17 @@ TRAINED = "DeepRING"
 #: The first radius of a config, by which the checkpoint was chosen.
 HEADLINE = "evaluation.radii[0]"
 
-#: Cannot change what is learnt: where a run lies, what it shows and what it is compared with.
+#: Keys that cannot change what is learnt, among them what a run is compared with.
 _IRRELEVANT = re.compile(
-    r"(seed|paths|experiment_name|sweep_name|logger|resume|checkpoint|workers|methods"
-    r"|callbacks\.(progress|learning_rate)|test|evaluate|allow_overlap|overlap"
-    r"|evaluation\.(figures|descriptors))(\..*)?"
+    INDIFFERENT
+    + r"|(seed|checkpoint|methods|evaluate|overlap|evaluation\.(figures|descriptors))(\..*)?"
     r"|method\.(label|note)"
-    r"|callbacks\..*\.dirpath"
     r"|trainer\.(_target_|accelerator|log_every_n_steps|num_sanity_val_steps|profiler"
     r"|enable_.*|deterministic|default_root_dir|logger|callbacks)"
 )
 
-#: What a config means that was written before it could say so.
-_BEFORE = {
-    "method._target_": "deepring.methods.deepring.DeepRing",
-    "similarity.kind": "correlation",
-    "representation.theta_range": "full",
-}
+#: The method's preprocessing, which follows the config's unless it is set apart.
+_RASTER = "method.raster."
 
 #: What must agree between runs that are compared. Where the data lie may go with the seed.
 _PROTOCOL = re.compile(r"(data|train_data|test_data|preprocessing|evaluation)\..*")
@@ -159,10 +153,19 @@ def seed_of(run: Run) -> int:
 
 def setting_of(run: Run) -> dict[str, Any]:
     """Dotted keys to values of its config, without those that cannot change what is learnt."""
-    flat = _BEFORE | flatten(run.config)
-    if "evaluation.region" in flat:  # of before there could be several
-        flat["evaluation.regions"] = [flat.pop("evaluation.region")]
-    return {key: value for key, value in flat.items() if not _IRRELEVANT.fullmatch(key)}
+    flat = flatten(run.config)
+    return {
+        key: value
+        for key, value in flat.items()
+        if not _IRRELEVANT.fullmatch(key) and not _repeated(key, flat)
+    }
+
+
+def _repeated(key: str, flat: Mapping[str, Any]) -> bool:
+    """Whether the key says of the method's raster what the config says of all methods'."""
+    common = key.removeprefix(_RASTER)
+    of_all = common.startswith("preprocessing.") and common != key
+    return of_all and frozen(flat.get(common)) == frozen(flat[key])
 
 
 def _part(run: Run, radius: float) -> _Part:

@@ -113,12 +113,22 @@ class Raster(ABC):
 
 
 def raster_settings(raster: Raster) -> dict[str, Any]:
-    """Plain values that make the raster again: ``{"kind": ..., **fields}``."""
+    """Plain values that make the raster again: ``{"kind": ..., **fields}``.
+
+    >>> from deepring.rasters import PolarRaster
+    >>> settings = raster_settings(PolarRaster(sectors=60))
+    >>> settings["kind"], settings["sectors"]
+    ('polar', 60)
+    """
     return {"kind": raster.kind, **asdict(raster)}  # type: ignore[call-overload]
 
 
 def make_raster(settings: dict[str, Any]) -> Raster:
-    """The raster that `raster_settings` described. Raises ConfigError on unknown values."""
+    """The raster that `raster_settings` described. Raises ConfigError on unknown values.
+
+    >>> make_raster({"kind": "polar", "sectors": 60}).shape
+    (60, 120)
+    """
     values = dict(settings)
     cls = RASTERS[checks.one_of("raster.kind", values.pop("kind", None), RASTERS)]
     _check_names(f"raster {cls.kind!r}", values, cls)

@@ -58,6 +58,10 @@ def bev_occupancy(
         extent: half the side, metres.
         cells: cells per side.
         disc: mask to the inscribed disc.
+
+    >>> points = np.array([[25.0, -5.0, 1.0]], dtype=np.float32)  # forward, to the right
+    >>> np.argwhere(bev_occupancy(points, extent=40, cells=8))
+    array([[6, 3]])
     """
     from deepring.rasters import _bev_kernels
 
@@ -79,6 +83,11 @@ def scan_to_bev(
     """``bev_occupancy(preprocessing(points, ground_z), extent, cells)``, several times faster.
 
     No points are copied; each is given its cell, and cells are marked. (cells, cells) bool.
+
+    >>> points = np.array([[25.0, -5.0, 1.0], [0.0, 0.0, -1.7]], dtype=np.float32)
+    >>> above = Preprocessing(height=(1.0, 20.0), clearance=None)
+    >>> np.argwhere(scan_to_bev(points, -1.7, above, extent=40, cells=8))
+    array([[6, 3]])
     """
     from deepring.rasters import _bev_kernels
 
@@ -104,7 +113,14 @@ def scan_to_bev(
 
 @lru_cache(maxsize=16)
 def disc_mask(cells: int) -> NDArray[np.bool_]:
-    """The inscribed disc, (cells, cells) bool: cells whose centre projects onto a bin at any θ."""
+    """The inscribed disc, (cells, cells) bool: cells whose centre projects onto a bin at any θ.
+
+    >>> disc_mask(4).astype(int)
+    array([[0, 0, 0, 0],
+           [0, 1, 1, 0],
+           [0, 1, 1, 0],
+           [0, 0, 0, 0]])
+    """
     offset = np.arange(cells) - (cells - 1) / 2
     mask: NDArray[np.bool_] = np.hypot(offset[:, None], offset[None, :]) <= (cells - 1) / 2
     mask.flags.writeable = False

@@ -11,7 +11,11 @@ from deepring.rasters.preprocessing import Preprocessing, coordinates
 
 @dataclass(frozen=True)
 class ContextRaster(Raster, kind="context"):
-    """Largest height in each polar cell: (sectors, rings) float16, 8 mm at 10 m."""
+    """Largest height in each polar cell: (sectors, rings) float16, 8 mm at 10 m.
+
+    >>> ContextRaster().shape
+    (60, 20)
+    """
 
     sectors: int = 60
     rings: int = 20
@@ -52,6 +56,11 @@ def scan_context(
         radius: outer radius, metres.
         sectors: rows, over the whole turn.
         rings: columns, of equal width.
+
+    >>> points = np.array([[30.0, 1.0, 2.0], [30.0, 1.0, 5.0]], dtype=np.float32)
+    >>> scan_context(points, radius=40, sectors=2, rings=4)
+    array([[0., 0., 0., 5.],
+           [0., 0., 0., 0.]], dtype=float32)
     """
     from deepring.rasters import _polar_kernels
 

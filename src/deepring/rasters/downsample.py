@@ -16,6 +16,9 @@ def spread(n: int, count: int) -> NDArray[np.int64]:
     """``count`` indices spread evenly over 0 to n - 1, in order, (count,) int64.
 
     Without repetition where n >= count; else each index comes ⌊count / n⌋ or ⌈count / n⌉ times.
+
+    >>> spread(10, 4)
+    array([0, 2, 5, 7])
     """
     return np.arange(count, dtype=np.int64) * n // count
 
@@ -28,6 +31,10 @@ def fixed_count(points: NDArray[np.float32], count: int) -> NDArray[np.float64]:
     So far as PointNetVLAD's published code (mikacuy/pointnetvlad, submap_generation), which goes
     to just below the count and fills up at random. Fewer points are repeated evenly; no points
     give zeros. The points are sorted first, so that their order does not matter at all.
+
+    >>> fixed_count(np.array([[1, 2, 3]], dtype=np.float32), 2)
+    array([[1., 2., 3.],
+           [1., 2., 3.]])
     """
     if not len(points):
         return np.zeros((count, 3))
@@ -62,6 +69,10 @@ def voxel_means(points: NDArray[np.float32], size: float) -> NDArray[np.float64]
     """Mean of the points (n, 3) in each occupied voxel of ``size`` metres: (m, 3) float64.
 
     The grid starts at the origin; voxels come in the order of x, then y, then z.
+
+    >>> voxel_means(np.array([[0, 0, 0], [1, 1, 1], [9, 9, 9]], dtype=np.float32), size=5.0)
+    array([[0.5, 0.5, 0.5],
+           [9. , 9. , 9. ]])
     """
     _, voxel, counts = np.unique(_keys(points, size), return_inverse=True, return_counts=True)
     sums = [np.bincount(voxel, weights=points[:, axis]) for axis in range(3)]

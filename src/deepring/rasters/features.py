@@ -26,6 +26,9 @@ class FeatureBevRaster(Raster, kind="features"):
     (`deepring.rasters.local_features`), in stretched metres. The published code (lus6-Jenny/RING)
     stretches alike and takes every point; here what a scan costs is bounded, and places are
     sampled alike near and far.
+
+    >>> FeatureBevRaster(cells=40).shape
+    (6, 40, 40)
     """
 
     cells: int = 120

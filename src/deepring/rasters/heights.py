@@ -23,6 +23,9 @@ class HeightRaster(Raster, kind="heights"):
     of 2 m, of which 11 are always empty; ``height=(-20, 20)`` gives its layers. It leaves out the
     10 m square around the sensor and counts what lies beyond ``radius`` in the square's corners
     to the last ring; neither is done here.
+
+    >>> HeightRaster(layers=4).shape
+    (4, 120, 40)
     """
 
     layers: int = 20
@@ -68,6 +71,10 @@ def polar_layers(
         radius: outer radius, metres.
         height: [low, high) that the layers share equally, metres; the lowest comes first.
         shape: layers, sectors and rings.
+
+    >>> points = np.array([[0.0, 30.0, 9.0]], dtype=np.float32)
+    >>> np.argwhere(polar_layers(points, 40.0, (0.0, 10.0), (5, 8, 4)))
+    array([[4, 2, 3]])
     """
     from deepring.rasters import _polar_kernels
 

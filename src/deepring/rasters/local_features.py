@@ -31,6 +31,10 @@ def local_features(points: NDArray[Any], neighbours: int = 30) -> NDArray[np.flo
     Args:
         points: (n, 3), finite.
         neighbours: points in a neighbourhood, itself included; all where there are fewer.
+
+    >>> wall = np.array([[x, 0, z] for x in range(5) for z in range(5)])
+    >>> local_features(wall, 25)[0].round(2).tolist()
+    [0.0, 0.0, 0.69, 0.0, 4.0, 2.0]
     """
     from scipy.special import entr
 

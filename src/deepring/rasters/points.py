@@ -24,6 +24,11 @@ class PointsRaster(Raster, kind="points"):
     centroid and scales them to a mean distance of 0.5; here the sensor stays the origin, and the
     scale is the same for all scans. A scan without points gives zeros. Half precision is off by at
     most 1.7 cm at 70 m and 9 mm below 35 m. See `deepring.rasters.downsample` for the count.
+
+    >>> points = np.array([[35.0, 0.0, 7.0]], dtype=np.float32)
+    >>> PointsRaster(count=2, preprocessing=Preprocessing(clearance=None))(points, ground_z=0.0)
+    array([[0.5, 0. , 0.1],
+           [0.5, 0. , 0.1]], dtype=float16)
     """
 
     count: int = 4096
@@ -68,5 +73,9 @@ class PointsRaster(Raster, kind="points"):
 
 
 def within(points: NDArray[np.float32], radius: float) -> NDArray[np.float32]:
-    """The points (n, 3) less than ``radius`` metres from the z axis, (m, 3)."""
+    """The points (n, 3) less than ``radius`` metres from the z axis, (m, 3).
+
+    >>> within(np.array([[3.0, 4.0, 99.0], [6.0, 8.0, 0.0]], dtype=np.float32), radius=6)
+    array([[ 3.,  4., 99.]], dtype=float32)
+    """
     return points[np.hypot(points[:, 0], points[:, 1]) < radius]

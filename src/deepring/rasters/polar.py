@@ -1,4 +1,4 @@
-"""The polar gram P_f(θ, r): occupancy over polar cells (paper, Sec. III-A)."""
+"""The polar gram P_f(r, θ): occupancy over polar cells (paper, Sec. III-A, Eq. 4)."""
 
 from dataclasses import dataclass, field
 
@@ -11,7 +11,11 @@ from deepring.rasters.preprocessing import Preprocessing, coordinates
 
 @dataclass(frozen=True)
 class PolarRaster(Raster, kind="polar"):
-    """The polar gram: (sectors, rings) bool."""
+    """The polar gram: (sectors, rings) bool.
+
+    >>> PolarRaster(sectors=60, rings=20).shape
+    (60, 20)
+    """
 
     sectors: int = 120
     rings: int = 120
@@ -49,6 +53,10 @@ def polar_gram(
         radius: outer radius, metres.
         sectors: rows, over the whole turn.
         rings: columns, of equal width.
+
+    >>> points = np.array([[0.0, 30.0, 1.0]], dtype=np.float32)  # to the left
+    >>> np.argwhere(polar_gram(points, radius=40, sectors=8, rings=4))
+    array([[2, 3]])
     """
     from deepring.rasters import _polar_kernels
 

@@ -18,6 +18,10 @@ class Preprocessing:
     points are dropped, local ground being the lowest point within ``window`` x ``window`` cells
     of ``cell`` metres; None trusts the band alone, as RING's published code does (1 to 20 m).
     The local minimum holds where the platform tilts: at 3° a flat floor rises 3.7 m over 70 m.
+
+    >>> points = np.array([[5, 0, -1.7], [6, 0, 0.3]], dtype=np.float32)  # the ground, and a wall
+    >>> Preprocessing(height=(1.0, 20.0), clearance=None)(points, ground_z=-1.7)
+    array([[6., 0., 2.]], dtype=float32)
     """
 
     height: tuple[float, float] = (-5.0, 20.0)

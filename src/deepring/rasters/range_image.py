@@ -14,7 +14,11 @@ from deepring.rasters.preprocessing import Preprocessing, coordinates
 
 @dataclass(frozen=True)
 class RangeRaster(Raster, kind="range"):
-    """Closeness of the nearest return: (sectors, rows) float16, off by 4 cm at 80 m."""
+    """Closeness of the nearest return: (sectors, rows) float16, off by 4 cm at 80 m.
+
+    >>> RangeRaster(rows=16).shape
+    (120, 16)
+    """
 
     sectors: int = 120
     rows: int = 32
@@ -69,6 +73,11 @@ def range_image(
         elevation: lowest and highest elevation, degrees.
         viewpoint: height above the ground from which ranges are taken, metres.
         max_range: metres.
+
+    >>> points = np.array([[20.0, 0.1, 1.8], [40.0, 0.1, 1.8]], dtype=np.float32)
+    >>> range_image(points, sectors=2, rows=1, max_range=80.0).round(2)
+    array([[0.75],
+           [0.  ]], dtype=float32)
     """
     from deepring.rasters import _polar_kernels
 

@@ -29,6 +29,9 @@ class VoxelRaster(Raster, kind="voxels"):
     ``radius`` metres away; the rows after the last are filled with `PADDING`, which no index is.
     Where a scan has more than ``max_voxels``, rows spread evenly over that order are kept: every
     direction loses the same share.
+
+    >>> VoxelRaster(max_voxels=100).shape
+    (100, 3)
     """
 
     max_voxels: int = 16384
@@ -79,7 +82,11 @@ class VoxelRaster(Raster, kind="voxels"):
 
 
 def sectors_of(degrees: float) -> int:
-    """Sectors in a turn; ConfigError where ``degrees`` does not divide 360."""
+    """Sectors in a turn; ConfigError where ``degrees`` does not divide 360.
+
+    >>> sectors_of(0.5)
+    720
+    """
     sectors = round(360 / degrees) if 0 < degrees <= 360 else 0
     if not sectors or abs(sectors * degrees - 360) > 1e-6:
         raise ConfigError(f"voxels.degrees: {degrees!r}, expected a step that divides 360")
@@ -107,6 +114,10 @@ def cylindrical_voxels(
     Raises:
         ConfigError: a bad step.
         DataError: a coordinate that is not finite or an index beyond int16.
+
+    >>> points = np.array([[10.0, 0.1, 1.0], [10.0, 0.2, 1.1]], dtype=np.float32)
+    >>> cylindrical_voxels(points, degrees=90.0, ring=3.0, height=1.0)
+    array([[2, 3, 1]], dtype=int16)
     """
     sectors = sectors_of(degrees)
     checks.positive("voxels.ring", ring, "metres")

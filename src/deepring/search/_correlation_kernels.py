@@ -1,6 +1,7 @@
 """Compiled CPU loops of the search (numba). Imported on first use."""
 
 import math
+from typing import no_type_check
 
 import numpy as np
 from numba import njit, types
@@ -15,6 +16,7 @@ def _read(number):
 
 
 @overload(_read)
+@no_type_check
 def _read_typed(number):
     if number == types.uint16:
         return lambda number: np.uint32(np.uint32(number) << np.uint32(16)).view(np.float32)
@@ -22,6 +24,7 @@ def _read_typed(number):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+@no_type_check
 def cross_spectrum(query, place, scale, real, imaginary):
     """Σ_ω Q(k, ω) conj D(k, ω) of a query (k, 2, w) float32 with a place (k, 2, w) of any
     precision, times ``scale`` (k,), into ``real`` and ``imaginary`` (k,)."""
@@ -36,6 +39,7 @@ def cross_spectrum(query, place, scale, real, imaginary):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+@no_type_check
 def search(
     queries, query_tails, places, scales, tails, which, first, basis, step, score, place, shift
 ):
@@ -84,6 +88,7 @@ def search(
 
 
 @njit(cache=True, nogil=True)
+@no_type_check
 def insert(score, place, shift, value, number, turn):
     """Put a new value where it belongs among the best, behind equal ones, and drop the last."""
     k = score.shape[0] - 1
@@ -94,6 +99,7 @@ def insert(score, place, shift, value, number, turn):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+@no_type_check
 def code_scores(queries, codes, out):
     """Σ_k |Σ_p Q(k, p) conj D(k, p)| of queries (q, k, p, 2) float32 with the first n of codes
     (k, p, 2, N) int8: ``out`` (q, n) float32."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
+from jaxtyping import Float, Float32, Int8
 from torch import Tensor
 
 from deepring.checks import count
@@ -32,20 +33,24 @@ class CodeSettings:
 class Code(NamedTuple):
     """How codes are made from descriptors."""
 
-    basis: Tensor
+    basis: Float32[Tensor, "omega p"]
     """(ω, p) orthonormal float32, principal directions of the rows of descriptors."""
-    step: Tensor
+    step: Float32[Tensor, "k p"]
     """(k, p) float32: the value of one int8 step."""
     rows: int
     """θ of the descriptors."""
 
-    def encode(self, descriptors: Tensor) -> Tensor:
+    def encode(
+        self, descriptors: Float[Tensor, "n theta omega"]
+    ) -> Int8[Tensor, "frequency component 2 n"]:
         """Codes (k, p, 2, n) int8 of descriptors (n, θ, ω): real and imaginary parts, places
         last."""
         scaled = self._project(descriptors) / self.step[..., None]
         return scaled.round().clamp(-127, 127).char().permute(1, 2, 3, 0).contiguous()
 
-    def queries(self, descriptors: Tensor) -> Tensor:
+    def queries(
+        self, descriptors: Float[Tensor, "q theta omega"]
+    ) -> Float32[Tensor, "q frequency component 2"]:
         """Queries (q, k, p, 2) float32 that codes are scored with."""
         # Frequencies other than 0 and θ / 2 occur twice; the inverse DFT divides by θ.
         weight = torch.full((len(self.step), 1, 1), 2.0 / self.rows, device=descriptors.device)
@@ -54,13 +59,15 @@ class Code(NamedTuple):
             weight[-1] = 1.0 / self.rows
         return (self._project(descriptors) * self.step[..., None] * weight).contiguous()
 
-    def _project(self, descriptors: Tensor) -> Tensor:
+    def _project(
+        self, descriptors: Float[Tensor, "n theta omega"]
+    ) -> Float32[Tensor, "n frequency component 2"]:
         spectrum = theta_spectrum(descriptors)[:, : len(self.step)]
         planes = torch.view_as_real(spectrum)  # (n, k, ω, 2)
         return torch.einsum("nkwc,wp->nkpc", planes, self.basis)
 
 
-def fit_code(descriptors: Tensor, settings: CodeSettings) -> Code:
+def fit_code(descriptors: Float[Tensor, "n theta omega"], settings: CodeSettings) -> Code:
     """A code for descriptors like these (n, θ, ω); smaller where they have less to give."""
     rows, columns = descriptors.shape[1:]
     frequencies = min(settings.frequencies, rows // 2 + 1)
@@ -75,7 +82,11 @@ def fit_code(descriptors: Tensor, settings: CodeSettings) -> Code:
     return Code(basis, largest.clamp_min(1e-30) / 127, rows)
 
 
-def code_scores(queries: Tensor, codes: Tensor, number: int | None = None) -> Tensor:
+def code_scores(
+    queries: Float32[Tensor, "q frequency component 2"],
+    codes: Int8[Tensor, "frequency component 2 n"],
+    number: int | None = None,
+) -> Float32[Tensor, "q _"]:
     """Σ_k |c_k| (q, n) float32 of queries (q, k, p, 2) float32 with codes (k, p, 2, n) int8, or
     with the first ``number`` of them."""
     number = codes.shape[-1] if number is None else number

@@ -3,6 +3,7 @@
 from typing import Protocol
 
 import torch
+from jaxtyping import Float, Int64
 from torch import Tensor
 
 from deepring.checks import count
@@ -17,12 +18,12 @@ class Compared(Protocol):
     """What `Comparer.compare` gives: scores, and turns or None, each (q, d)."""
 
     @property
-    def score(self) -> Tensor:
+    def score(self) -> Float[Tensor, "q d"]:
         """(q, d)."""
         ...
 
     @property
-    def turn(self) -> Tensor | None:
+    def turn(self) -> Float[Tensor, "q d"] | None:
         """(q, d) radians; None where not known."""
         ...
 
@@ -30,7 +31,9 @@ class Compared(Protocol):
 class Comparer(Protocol):
     """Anything that compares descriptors, such as a method."""
 
-    def compare(self, queries: Tensor, database: Tensor) -> Compared:
+    def compare(
+        self, queries: Float[Tensor, " q *descriptor"], database: Float[Tensor, " d *descriptor"]
+    ) -> Compared:
         """Compare descriptors (q, ...) with descriptors (d, ...)."""
         ...
 
@@ -45,11 +48,11 @@ class CompareIndex:
     def __len__(self) -> int:
         return len(self.places)
 
-    def add(self, descriptors: Tensor) -> None:
+    def add(self, descriptors: Float[Tensor, " n *descriptor"]) -> None:
         """Add places."""
         self.places.add({"descriptor": descriptors})
 
-    def search(self, queries: Tensor, k: int = 1) -> Hits:
+    def search(self, queries: Float[Tensor, " q *descriptor"], k: int = 1) -> Hits:
         """The ``k`` most alike places."""
         count("k", k)
         best = Best(len(queries), k, queries.device)
@@ -58,7 +61,9 @@ class CompareIndex:
             best.update(score, torch.arange(start, start + len(part), device=score.device))
         return Hits(best.place, best.score, self._turns(queries, best.place))
 
-    def _turns(self, queries: Tensor, places: Tensor) -> Tensor | None:
+    def _turns(
+        self, queries: Float[Tensor, " q *descriptor"], places: Int64[Tensor, "q k"]
+    ) -> Float[Tensor, "q k"] | None:
         """Turns of the hits alone, since some methods align few entries per query."""
         turns = []
         for query, place in zip(queries, places, strict=True):

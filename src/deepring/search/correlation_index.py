@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
+from jaxtyping import Float, Float32, Int64
 from torch import Tensor
 
 from deepring.checks import count, one_of, share
@@ -96,7 +97,7 @@ class CorrelationIndex:
     def __len__(self) -> int:
         return len(self.places)
 
-    def add(self, descriptors: Tensor) -> None:
+    def add(self, descriptors: Float[Tensor, "..."]) -> None:
         """Add places. The code is made for the first ones added and kept for those that follow."""
         descriptors = self._checked(descriptors)
         if not len(descriptors):
@@ -111,7 +112,7 @@ class CorrelationIndex:
 
     def search(
         self,
-        queries: Tensor,
+        queries: Float[Tensor, "..."],
         k: int = 1,
         *,
         exhaustive: bool | None = None,
@@ -142,7 +143,9 @@ class CorrelationIndex:
         turn = shift_to_turn(best.shift, queries.shape[-2], self.period)
         return Hits(best.place, best.score / self.cells, turn)
 
-    def candidates(self, queries: Tensor, code: Code, number: int | None = None) -> Tensor:
+    def candidates(
+        self, queries: Float[Tensor, "q theta omega"], code: Code, number: int | None = None
+    ) -> Int64[Tensor, "q c"]:
         """The places (q, c) int64, of the first ``number``, that the codes put first."""
         number = len(self) if number is None else number
         weights = code.queries(queries)
@@ -152,11 +155,18 @@ class CorrelationIndex:
         size = min(max(self.settings.candidates, least), number)
         return every.topk(size, dim=1, sorted=False).indices
 
-    def _exact(self, spectra: Tensor, k: int, which: Tensor | None = None) -> Best:
+    def _exact(
+        self,
+        spectra: Float32[Tensor, "q k 2 w"],
+        k: int,
+        which: Int64[Tensor, " n"] | None = None,
+    ) -> Best:
         form = exact.compiled if self.device.type == "cpu" else exact.batched
         return form(self.places, spectra, self._rows, k, which)
 
-    def _among_candidates(self, queries: Tensor, code: Code, k: int, number: int) -> Best:
+    def _among_candidates(
+        self, queries: Float[Tensor, "q theta omega"], code: Code, k: int, number: int
+    ) -> Best:
         best = Best(len(queries), k, self.device)
         if not len(queries):
             return best
@@ -246,7 +256,7 @@ class CorrelationIndex:
         assert self.shape is not None
         return self.shape[0]
 
-    def _checked(self, descriptors: Tensor) -> Tensor:
+    def _checked(self, descriptors: Float[Tensor, "..."]) -> Float32[Tensor, "n theta omega"]:
         if descriptors.ndim != 3:
             raise DataError(f"descriptors: shape {tuple(descriptors.shape)}, expected (n, θ, ω)")
         shape = (descriptors.shape[1], descriptors.shape[2])

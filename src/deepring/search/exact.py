@@ -1,6 +1,7 @@
 """Exact correlation with all places of a map, or with some: compiled on a CPU, else in torch."""
 
 import torch
+from jaxtyping import Float32, Int64
 from torch import Tensor
 
 from deepring.search.block_store import BlockStore
@@ -14,7 +15,11 @@ _NAMES = Spectra._fields
 
 
 def compiled(
-    places: BlockStore, queries: Tensor, rows: int, k: int, which: Tensor | None = None
+    places: BlockStore,
+    queries: Float32[Tensor, "q k 2 w"],
+    rows: int,
+    k: int,
+    which: Int64[Tensor, " n"] | None = None,
 ) -> Best:
     """The ``k`` best of all places, or of those numbered ``which`` (n,) in ascending order.
 
@@ -52,7 +57,11 @@ def compiled(
 
 
 def batched(
-    places: BlockStore, queries: Tensor, rows: int, k: int, which: Tensor | None = None
+    places: BlockStore,
+    queries: Float32[Tensor, "q k 2 w"],
+    rows: int,
+    k: int,
+    which: Int64[Tensor, " n"] | None = None,
 ) -> Best:
     """`compiled` in plain torch, on the device of the places."""
     best = Best(len(queries), k, queries.device)

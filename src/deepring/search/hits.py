@@ -3,17 +3,18 @@
 from typing import NamedTuple, Protocol
 
 import torch
+from jaxtyping import Float, Float32, Int64
 from torch import Tensor
 
 
 class Hits(NamedTuple):
     """The best places of each query, best first."""
 
-    place: Tensor
+    place: Int64[Tensor, "q k"]
     """(q, k) int64: places by the order in which they were added."""
-    score: Tensor
+    score: Float32[Tensor, "q k"]
     """(q, k) float32; higher is more alike."""
-    turn: Tensor | None
+    turn: Float32[Tensor, "q k"] | None
     """(q, k) float32 radians, the turn of the points from place to query; None if not known."""
 
 
@@ -22,11 +23,11 @@ class Index(Protocol):
 
     def __len__(self) -> int: ...
 
-    def add(self, descriptors: Tensor) -> None:
+    def add(self, descriptors: Float[Tensor, " n *descriptor"]) -> None:
         """Add places by their descriptors (n, ...)."""
         ...
 
-    def search(self, queries: Tensor, k: int = 1) -> Hits:
+    def search(self, queries: Float[Tensor, " q *descriptor"], k: int = 1) -> Hits:
         """The ``k`` most alike places, or all where there are fewer, of queries (q, ...)."""
         ...
 
@@ -40,7 +41,12 @@ class Best:
         self.place = torch.empty(queries, 0, dtype=torch.int64, device=device)
         self.shift = torch.empty(queries, 0, dtype=torch.int64, device=device)
 
-    def update(self, score: Tensor, place: Tensor, shift: Tensor | None = None) -> None:
+    def update(
+        self,
+        score: Float[Tensor, "q n"],
+        place: Int64[Tensor, "*#q n"],
+        shift: Int64[Tensor, "q n"] | None = None,
+    ) -> None:
         """Further scores (q, n) of places (n,) or (q, n), later ones than before."""
         if score.shape[1] > self.k:
             score, top = score.topk(self.k, dim=1)

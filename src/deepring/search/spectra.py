@@ -9,6 +9,7 @@ from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import torch
+from jaxtyping import Float, Float32, Int64, Shaped
 from torch import Tensor
 
 from deepring.core import fourier
@@ -27,15 +28,17 @@ TAIL_STEP = 8
 class Spectra(NamedTuple):
     """θ-spectra of n places, θ // 2 + 1 = k frequencies of w values of ω."""
 
-    values: Tensor
+    values: Shaped[Tensor, "n k 2 w"]
     """(n, k, 2, w) real and imaginary parts, w padded with zeros."""
-    scale: Tensor
+    scale: Float32[Tensor, "n k"]
     """(n, k) float32: what each frequency's values are to be multiplied by."""
-    tails: Tensor
+    tails: Float32[Tensor, "n c"]
     """(n, c) float32: norms of the frequencies from 8, 16, ... on, see `tail_norms`."""
 
 
-def padded_spectra(descriptors: Tensor) -> Tensor:
+def padded_spectra(
+    descriptors: Float[Tensor, "n theta omega"],
+) -> Float32[Tensor, "n theta//2+1 2 w"]:
     """θ-spectra (n, k, 2, w) float32 of descriptors (n, θ, ω): real and imaginary parts.
 
     w is ω, padded with zeros to a multiple of `LANES`.
@@ -45,7 +48,7 @@ def padded_spectra(descriptors: Tensor) -> Tensor:
     return torch.nn.functional.pad(spectrum, (0, padding)).contiguous()
 
 
-def encode(descriptors: Tensor, precision: Precision) -> Spectra:
+def encode(descriptors: Float[Tensor, "n theta omega"], precision: Precision) -> Spectra:
     """What an index stores of descriptors (n, θ, ω)."""
     spectra = padded_spectra(descriptors)
     scale = torch.ones(spectra.shape[:2], device=spectra.device)
@@ -57,7 +60,7 @@ def encode(descriptors: Tensor, precision: Precision) -> Spectra:
     return Spectra(values, scale, tail_norms(rounded, descriptors.shape[1]))
 
 
-def tail_norms(spectra: Tensor, rows: int) -> Tensor:
+def tail_norms(spectra: Float32[Tensor, "n k 2 w"], rows: int) -> Float32[Tensor, "n c"]:
     """Norms (n, c) of the spectra (n, k, 2, w) from frequency 8, 16, ... on.
 
     The frequencies from there on add at most the product of two spectra's norms to a correlation
@@ -68,7 +71,9 @@ def tail_norms(spectra: Tensor, rows: int) -> Tensor:
     return energy.flip(1).cumsum(dim=1).flip(1)[:, TAIL_STEP::TAIL_STEP].sqrt().contiguous()
 
 
-def best_shift(queries: Tensor, places: Spectra, rows: int) -> tuple[Tensor, Tensor]:
+def best_shift(
+    queries: Float32[Tensor, "q k 2 w"], places: Spectra, rows: int
+) -> tuple[Float32[Tensor, "q n"], Int64[Tensor, "q n"]]:
     """The largest correlation (q, n) over all circular shifts of θ, and that shift, int64.
 
     In plain torch, on whatever device the places are.
@@ -84,7 +89,9 @@ def best_shift(queries: Tensor, places: Spectra, rows: int) -> tuple[Tensor, Ten
     return best.values, best.indices
 
 
-def cross_spectra(queries: Tensor, places: Spectra) -> Tensor:
+def cross_spectra(
+    queries: Float32[Tensor, "q k 2 w"], places: Spectra
+) -> Float32[Tensor, "q n k 2"]:
     """Σ_ω Q(k, ω) conj D(k, ω) for all pairs, real and imaginary parts: (q, n, k, 2) float32.
 
     One real matrix product a frequency: rows (Re, Im) and (Im, -Re) of Q on columns of D.
@@ -105,7 +112,7 @@ def cross_spectra(queries: Tensor, places: Spectra) -> Tensor:
 
 @lru_cache
 @torch.inference_mode(False)
-def idft_basis(rows: int) -> Tensor:
+def idft_basis(rows: int) -> Float32[Tensor, "2 {rows}//2+1 {rows}"]:
     """The inverse DFT of ``rows`` real values by sums: weighted cosines and sines (2, k, θ)."""
     frequency = torch.arange(rows // 2 + 1, dtype=torch.float64)
     # Frequencies other than 0 and θ / 2 occur twice in the full spectrum.

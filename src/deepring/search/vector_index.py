@@ -5,6 +5,7 @@ from typing import Literal
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Bool, Float, Float32, Int64
 from torch import Tensor
 
 from deepring.checks import count, one_of
@@ -58,7 +59,7 @@ class VectorIndex:
     def __len__(self) -> int:
         return len(self.places)
 
-    def add(self, descriptors: Tensor) -> None:
+    def add(self, descriptors: Float[Tensor, " n *descriptor"]) -> None:
         """Add places by their descriptors (n, ...)."""
         vectors = self._vectors(descriptors)
         if not len(vectors):
@@ -70,7 +71,7 @@ class VectorIndex:
             rows["descriptor"] = descriptors.cpu()
         self.places.add(rows)
 
-    def search(self, queries: Tensor, k: int = 1) -> Hits:
+    def search(self, queries: Float[Tensor, " q *descriptor"], k: int = 1) -> Hits:
         """The ``k`` nearest places of queries (q, ...)."""
         count("k", k)
         best = Best(len(queries), k)
@@ -83,7 +84,7 @@ class VectorIndex:
     def _is_l2(self) -> bool:
         return self.metric == "l2"
 
-    def _by_products(self, queries: Tensor, k: int) -> Best:
+    def _by_products(self, queries: Float32[Tensor, "q d"], k: int) -> Best:
         """The best among candidates; among all places for queries that rounding may mislead."""
         candidates = Best(len(queries), k + SPARE)
         size = _CHUNK_OF_FEW if len(queries) < _FEW else _CHUNK
@@ -101,7 +102,12 @@ class VectorIndex:
                 best.score[unsure], best.place[unsure] = again.score, again.place
         return best
 
-    def _unsure(self, queries: Tensor, worst: Tensor, bar: Tensor) -> Tensor:
+    def _unsure(
+        self,
+        queries: Float32[Tensor, "q d"],
+        worst: Float32[Tensor, " q"],
+        bar: Float32[Tensor, " q"],
+    ) -> Bool[Tensor, " q"]:
         """Whether (q,) a place that is no candidate could be better than the ``worst`` (q,) hit.
 
         Ranked is Q·D - ‖D‖²/2, at most ``bar`` (q,) for places that are no candidates. A sum of d
@@ -113,7 +119,7 @@ class VectorIndex:
         slack = units * (norm + self._largest) ** 2
         return rank <= bar + slack
 
-    def _by_differences(self, queries: Tensor, k: int) -> Best:
+    def _by_differences(self, queries: Float32[Tensor, "q d"], k: int) -> Best:
         """The best of all places, one query at a time in memory."""
         best = Best(len(queries), k)
         for start, (part,) in self.places.chunks(_CHUNK_OF_DIFFERENCES, "vector"):
@@ -121,13 +127,17 @@ class VectorIndex:
             best.update(score, torch.arange(start, start + len(part)))
         return best
 
-    def _score(self, queries: Tensor, places: Tensor) -> Tensor:
+    def _score(
+        self, queries: Float32[Tensor, "q d"], places: Float32[Tensor, "#q k d"]
+    ) -> Float32[Tensor, "q k"]:
         """Scores (q, k) of queries (q, d) with k places each, (q, k, d)."""
         if self._is_l2:
             return -torch.linalg.vector_norm(queries[:, None] - places, dim=-1)
         return torch.einsum("qd,qkd->qk", queries, places)
 
-    def _turns(self, queries: Tensor, places: Tensor) -> Tensor | None:
+    def _turns(
+        self, queries: Float[Tensor, " q *descriptor"], places: Int64[Tensor, "q k"]
+    ) -> Float32[Tensor, "q k"] | None:
         if self.align is None:
             return None
         turns = torch.empty(places.shape)
@@ -136,7 +146,7 @@ class VectorIndex:
                 turns[k] = self.align(queries[k], self.places.take(place, "descriptor")[0])
         return turns
 
-    def _vectors(self, descriptors: Tensor) -> Tensor:
+    def _vectors(self, descriptors: Float[Tensor, " n *descriptor"]) -> Float32[Tensor, "n d"]:
         vectors = self._make_vectors(descriptors).detach().float().cpu()
         width = vectors.shape[1]
         if self._width is None:
@@ -149,7 +159,9 @@ class VectorIndex:
         return F.normalize(vectors, dim=1) if not self._is_l2 else vectors
 
 
-def _products(places: Tensor, queries: Tensor) -> Tensor:
+def _products(
+    places: Float32[Tensor, "n d"], queries: Float32[Tensor, "q d"]
+) -> Float32[Tensor, "q n"]:
     """Q·D (q, n) of queries (q, d) with places (n, d)."""
     if len(queries) >= _FEW:
         return queries @ places.T

@@ -8,7 +8,7 @@ from deepring.simulation.settings import SimulationSettings
 
 
 @dataclass(frozen=True)
-class Part:
+class BuildingPart:
     """One box of a building: its centre along the street and away from it, and its size."""
 
     along: float
@@ -18,7 +18,7 @@ class Part:
     height: float
 
     def faces_street_at(self, along: float) -> bool:
-        """Whether the box spans the position ``along``."""
+        """True where the box spans the position ``along``."""
         return abs(along - self.along) <= self.length / 2
 
 
@@ -30,8 +30,8 @@ class Building:
     """
 
     width: float
-    walls: tuple[Part, ...]
-    facade: tuple[Part, ...]
+    walls: tuple[BuildingPart, ...]
+    facade: tuple[BuildingPart, ...]
 
 
 def draw_prototypes(settings: SimulationSettings, rng: np.random.Generator) -> list[Building]:
@@ -51,26 +51,30 @@ def _draw_building(kind: int, settings: SimulationSettings, rng: np.random.Gener
     return Building(width, walls, tuple(_protrusion(walls, width, rng) for _ in range(count)))
 
 
-def _walls(kind: int, width: float, bar: float, wing: float, height: float) -> tuple[Part, ...]:
+def _walls(
+    kind: int, width: float, bar: float, wing: float, height: float
+) -> tuple[BuildingPart, ...]:
     """A bar along the street (I, L) or set back behind wings (U, T)."""
     lower, side = 0.8 * height, width / 2 - bar / 2
-    front = Part(0.0, bar / 2, width, bar, height)
-    back = Part(0.0, wing + bar / 2, width, bar, height)
+    front = BuildingPart(0.0, bar / 2, width, bar, height)
+    back = BuildingPart(0.0, wing + bar / 2, width, bar, height)
     if kind == 0:  # I
         return (front,)
     if kind == 1:  # L: one wing away from the street
-        return (front, Part(side, bar + wing / 2, bar, wing, lower))
+        return (front, BuildingPart(side, bar + wing / 2, bar, wing, lower))
     if kind == 2:  # U: a court open to the street
-        wings = (Part(s, wing / 2, bar, wing, lower) for s in (-side, side))
+        wings = (BuildingPart(s, wing / 2, bar, wing, lower) for s in (-side, side))
         return (back, *wings)
-    return (back, Part(0.0, wing / 2, bar, wing, lower))  # T: a wing towards the street
+    return (back, BuildingPart(0.0, wing / 2, bar, wing, lower))  # T: a wing towards the street
 
 
-def _protrusion(walls: tuple[Part, ...], width: float, rng: np.random.Generator) -> Part:
+def _protrusion(
+    walls: tuple[BuildingPart, ...], width: float, rng: np.random.Generator
+) -> BuildingPart:
     length, depth = rng.uniform(1.0, 4.5), rng.uniform(0.6, 2.2)
     along = rng.uniform(-0.5, 0.5) * (width - length)
     fronts = [p for p in walls if p.faces_street_at(along)]
     wall = min(fronts, key=lambda p: p.away - p.depth / 2)
     surface = wall.away - wall.depth / 2
     height = rng.uniform(2.2, wall.height)
-    return Part(along, surface - depth / 2, length, depth, height)
+    return BuildingPart(along, surface - depth / 2, length, depth, height)

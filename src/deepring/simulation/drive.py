@@ -5,7 +5,6 @@ from datetime import UTC, datetime
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.simulation.ground import Ground
@@ -29,7 +28,7 @@ _STARTS = [datetime(2031, 2, 4, 15, tzinfo=UTC), datetime(2031, 3, 17, 18, tzinf
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class DrivenPath:
     """A smooth path, sampled: distance driven (n,), x and y (n,), unwrapped yaw (n,)."""
 
     driven: FloatArray
@@ -60,7 +59,7 @@ class Drive:
     ``scan_stamps`` (n,) lie between rows of ``pose_stamps`` (m,), never on one.
     """
 
-    path: Path
+    path: DrivenPath
     roll: Sway
     pitch: Sway
     ground: Ground
@@ -125,7 +124,7 @@ def _drive(
 
 def _path(
     route: Route, streets: Streets, settings: SimulationSettings, rng: np.random.Generator
-) -> Path:
+) -> DrivenPath:
     """Follow the streets with a wandering offset to the side, and round the corners."""
     corners = streets.crossings[route]
     legs = np.diff(corners, axis=0)
@@ -137,18 +136,24 @@ def _path(
     left = np.stack([-along[:, 1], along[:, 0]], axis=1)
     aside = _wander(driven, settings, rng) - settings.lane_offset
     points = corners[leg] + (driven - ends[leg])[:, None] * along + aside[:, None] * left
-    points = gaussian_filter1d(points, _ROUNDING / _STEP, axis=0, mode="nearest")
-    return _evenly_sampled(points)
+    return _evenly_sampled(_smooth(points, _ROUNDING))
 
 
-def _evenly_sampled(points: FloatArray) -> Path:
+def _evenly_sampled(points: FloatArray) -> DrivenPath:
     """The path along ``points`` (n, 2), sampled every ``_STEP``, its yaw smoothed."""
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     even = np.arange(0.0, driven[-1], _STEP)
     x, y = np.interp(even, driven, points[:, 0]), np.interp(even, driven, points[:, 1])
     yaw = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
-    yaw = gaussian_filter1d(np.append(yaw, yaw[-1]), _TURNING / _STEP, mode="nearest")
-    return Path(even, x, y, yaw)
+    return DrivenPath(even, x, y, _smooth(np.append(yaw, yaw[-1]), _TURNING))
+
+
+def _smooth(values: FloatArray, metres: float) -> FloatArray:
+    """Values (n, ...) every ``_STEP`` of path, smoothed by a Gaussian of that deviation."""
+    from scipy.ndimage import gaussian_filter1d
+
+    smooth: FloatArray = gaussian_filter1d(values, metres / _STEP, axis=0, mode="nearest")
+    return smooth
 
 
 def _wander(
@@ -161,7 +166,7 @@ def _wander(
 
 
 def _scan_times(
-    path: Path, period: int, settings: SimulationSettings, rng: np.random.Generator
+    path: DrivenPath, period: int, settings: SimulationSettings, rng: np.random.Generator
 ) -> IntArray:
     """Microseconds after the start: evenly spaced along the path, apart from a jitter.
 

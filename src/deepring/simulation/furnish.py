@@ -1,16 +1,16 @@
-"""What stands along one side of a street: buildings, trees, poles, walls, clutter, cars."""
+"""Things along one side of a street: buildings, trees, poles, walls, clutter, cars."""
 
 import numpy as np
 
 from deepring.simulation.buildings import Building
 from deepring.simulation.shapes import DATABASE, QUERY
-from deepring.simulation.yard import Character, Side, Yard
+from deepring.simulation.yard import Character, StreetSide, Yard
 
 _AT_CROSSING = 6.0  # buildings keep this distance from the crossing street's corridor (metres)
 
 
 def place_buildings(
-    side: Side, prototypes: list[Building], character: Character, yard: Yard
+    side: StreetSide, prototypes: list[Building], character: Character, yard: Yard
 ) -> None:
     """Line the side with copies of the prototypes, some mirrored, at varying setback."""
     corridor = yard.settings.corridor
@@ -28,12 +28,12 @@ def place_buildings(
 
 
 def _place_building(
-    side: Side, building: Building, front: tuple[float, float], tall: float, yard: Yard
+    side: StreetSide, building: Building, front: tuple[float, float], tall: float, yard: Yard
 ) -> None:
     """Copy a prototype to the plot whose front has its middle at ``front``."""
     mirror = -1.0 if yard.chance(0.5) else 1.0
     shade = yard.between(0.3, 0.7)
-    plot = Side(np.array(front), side.along, side.away, building.width)
+    plot = StreetSide(np.array(front), side.along, side.away, building.width)
     for part in (*building.walls, *building.facade):
         changed = yard.settings.structures_changed if part in building.facade else 0.0
         size = (part.length, part.depth, part.height * tall)
@@ -41,7 +41,7 @@ def _place_building(
         yard.box(place, size, side.yaw, shade, yard.session(changed))
 
 
-def place_trees(side: Side, character: Character, yard: Yard) -> None:
+def place_trees(side: StreetSide, character: Character, yard: Yard) -> None:
     """A row of trees beside the street, with gaps, and now and then a grove behind it."""
     row = yard.settings.corridor + yard.between(0.8, 2.5)
     position = yard.between(2.0, yard.settings.tree_spacing)
@@ -64,7 +64,7 @@ def _place_tree(place: tuple[float, float], yard: Yard) -> None:
     yard.crown(place, radius, (base, top), depth, sessions)
 
 
-def place_structures(side: Side, yard: Yard) -> None:
+def place_structures(side: StreetSide, yard: Yard) -> None:
     """Poles at the kerb, stretches of wall, sheds and small clutter."""
     changed, kerb = yard.settings.structures_changed, yard.settings.corridor + 0.3
     position = yard.between(5.0, 30.0)
@@ -83,7 +83,7 @@ def place_structures(side: Side, yard: Yard) -> None:
 
 
 def _scatter(
-    side: Side,
+    side: StreetSide,
     size: tuple[float, float, float],
     band: tuple[float, float],
     yard: Yard,
@@ -96,7 +96,7 @@ def _scatter(
     yard.box(place, size, turned, yard.between(0.2, 0.6), yard.session(changed))
 
 
-def park_cars(side: Side, yard: Yard, cars: Yard) -> None:
+def park_cars(side: StreetSide, yard: Yard, cars: Yard) -> None:
     """Fill a row of parking slots in each session anew.
 
     Where the slots are is drawn by ``yard``, which car stands in them by ``cars``.

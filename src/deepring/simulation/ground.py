@@ -25,12 +25,6 @@ class Ground:
         return z
 
 
-def flat_ground() -> Ground:
-    """The plane z = 0."""
-    none = np.zeros(0)
-    return Ground(none, none, none, none)
-
-
 def rolling_ground(relief: float, rng: np.random.Generator) -> Ground:
     """Six waves of 90 to 400 m whose sum has the standard deviation ``relief`` (metres)."""
     length = np.geomspace(90.0, 400.0, 6)

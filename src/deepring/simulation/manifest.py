@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from deepring.errors import DeepringError
+from deepring.errors import FileError
 from deepring.io.files import part_of, write_whole
 from deepring.simulation.settings import SimulationSettings
 
@@ -16,19 +16,19 @@ NAME = "simulation.json"
 def claim(root: Path, settings: SimulationSettings) -> bool:
     """Make ``root`` this simulation's folder. True where it is already whole.
 
-    Raises DeepringError, and touches nothing, where ``root`` holds something else.
+    Raises FileError, and touches nothing, where ``root`` holds something else.
     """
     if not _occupied(root):
         _write(root, settings, {}, [])
         return False
-    found = _read(root)
-    if found is None:
-        raise DeepringError(
-            f"root = {root} is a non-empty folder without a {NAME}; expected a new or empty "
+    content = _read(root)
+    if content is None:
+        raise FileError(
+            f"root: {root} is a non-empty folder without a {NAME}; expected a new or empty "
             f"folder, or an earlier simulation with the same settings. Choose another folder."
         )
-    _check_same(found, settings, root)
-    return _whole(root, found)
+    _check_same(content, settings, root)
+    return _whole(root, content)
 
 
 def finish(
@@ -40,7 +40,7 @@ def finish(
 
 def _occupied(root: Path) -> bool:
     if root.exists() and not root.is_dir():
-        raise DeepringError(f"root = {root} is a file; expected a folder. Choose another path.")
+        raise FileError(f"root: {root} is a file; expected a folder. Choose another path.")
     unfinished = part_of(root / NAME).name  # all that a run killed at once leaves behind
     return root.is_dir() and any(path.name != unfinished for path in root.iterdir())
 
@@ -50,20 +50,21 @@ def _read(root: Path) -> dict[str, object] | None:
     if not path.is_file():
         return None
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise DeepringError(
-            f"{path} is not valid JSON ({error}). Delete the folder, or choose another."
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError:
+        raise FileError(
+            f"{path}: no JSON; expected a simulation's manifest. Delete the folder, or choose "
+            "another"
         ) from None
-    if not isinstance(found, dict) or not isinstance(found.get("settings"), dict):
-        raise DeepringError(
+    if not isinstance(content, dict) or not isinstance(content.get("settings"), dict):
+        raise FileError(
             f"{path} is not a simulation's manifest: it has no settings. Choose another folder."
         )
-    return found
+    return content
 
 
-def _check_same(found: dict[str, object], settings: SimulationSettings, root: Path) -> None:
-    old = found["settings"]
+def _check_same(content: dict[str, object], settings: SimulationSettings, root: Path) -> None:
+    old = content["settings"]
     assert isinstance(old, dict)
     new = settings.as_dict()
     differences = [
@@ -71,18 +72,18 @@ def _check_same(found: dict[str, object], settings: SimulationSettings, root: Pa
         for name in sorted({*old, *new})
         if old.get(name) != new.get(name)
     ]
-    if found.get("version") != VERSION:
-        differences.insert(0, f"version is {found.get('version')!r} there and {VERSION} here")
+    if content.get("version") != VERSION:
+        differences.insert(0, f"version is {content.get('version')!r} there and {VERSION} here")
     if differences:
-        raise DeepringError(
-            f"root = {root} holds a simulation with other settings: {'; '.join(differences)}. "
+        raise FileError(
+            f"root: {root} holds a simulation with other settings: {'; '.join(differences)}. "
             f"Nothing was changed. Choose another folder, or the same settings."
         )
 
 
-def _whole(root: Path, found: dict[str, object]) -> bool:
-    """Whether every file that the finished run counted is still there."""
-    scans, poses = found.get("scans"), found.get("poses")
+def _whole(root: Path, content: dict[str, object]) -> bool:
+    """True where every file that the finished run counted is still there."""
+    scans, poses = content.get("scans"), content.get("poses")
     if not isinstance(scans, dict) or not isinstance(poses, list) or not scans:
         return False
     counted = all(len(list((root / f).glob("[!.]*"))) == n for f, n in scans.items())

@@ -18,7 +18,7 @@ _CHUNK = 20_000
 
 
 def scan_path(root: Path, session: str, stamp: int) -> Path:
-    """Where the scan of ``stamp`` (microseconds) lies; the file's name is in nanoseconds."""
+    """Path of the scan of ``stamp`` (microseconds); the file's name is in nanoseconds."""
     return root / session / "Ouster" / f"{stamp * 1000}.bin"
 
 

@@ -20,7 +20,7 @@ _CHUNK = 20_000
 
 
 def scan_path(root: Path, session: str, stamp: int) -> Path:
-    """Where the scan of ``stamp`` (microseconds) lies."""
+    """Path of the scan of ``stamp`` (microseconds)."""
     return root / session / "velodyne_sync" / f"{stamp}.bin"
 
 

@@ -43,9 +43,9 @@ class Sweep:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Which rays came back: (C, B) bool."""
-        found: NDArray[np.bool_] = np.isfinite(self.points[..., 0])
-        return found
+        """Mask (C, B) of the rays that came back."""
+        finite: NDArray[np.bool_] = np.isfinite(self.points[..., 0])
+        return finite
 
 
 def hdl32e_upside_down() -> Sensor:

@@ -4,19 +4,20 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Literal
 
-from deepring.errors import DeepringError
+from deepring.checks import one_of
+from deepring.errors import ConfigError
 
 Layout = Literal["nclt", "mulran"]
 
 
 @dataclass(frozen=True)
 class SimulationSettings:
-    """What is simulated. Lengths in metres, angles in degrees, shares in [0, 1].
+    """The knobs of a simulation. Lengths in metres, angles in degrees, shares in [0, 1].
 
     The defaults are those of the ``nclt`` preset; ``mulran()`` says where the city differs. The
     world's two parts, train and test, are street grids of ``rows`` rows and ``train_columns`` or
     ``test_columns`` columns, joined by one street across the gap between the regions.
-    Raises DeepringError where a value is out of range.
+    Raises ConfigError where a value is out of range.
     """
 
     layout: Layout = "nclt"  # native files to write; also the kind of world and the sensor
@@ -63,7 +64,7 @@ class SimulationSettings:
     pose_rate: int = 100  # ground-truth rows a second
 
     def __post_init__(self) -> None:
-        _check_choice("layout", self.layout, ("nclt", "mulran"))
+        one_of("layout", self.layout, Layout)
         for name, (low, high) in _RANGES.items():
             _check_range(name, getattr(self, name), low, high)
         if self.world_seed is not None:
@@ -115,8 +116,8 @@ def mulran(seed: int = 0) -> SimulationSettings:
 
 
 def preset(name: str, seed: int = 0) -> SimulationSettings:
-    """The preset called ``name``: ``nclt`` or ``mulran``. Raises DeepringError otherwise."""
-    _check_choice("preset", name, ("nclt", "mulran"))
+    """The preset called ``name``: ``nclt`` or ``mulran``. Raises ConfigError otherwise."""
+    one_of("preset", name, Layout)
     return nclt(seed) if name == "nclt" else mulran(seed)
 
 
@@ -135,10 +136,10 @@ def tiny(name: str, seed: int = 0) -> SimulationSettings:
 
 
 def with_knobs(settings: SimulationSettings, knobs: Mapping[str, object]) -> SimulationSettings:
-    """``settings`` with some knobs changed. Raises DeepringError for a name it does not have."""
+    """``settings`` with some knobs changed. Raises ConfigError for a name it does not have."""
     known = [f.name for f in fields(settings)]
     for name in knobs:
-        _check_choice("knob", name, known)
+        one_of("knob", name, known)
     return replace(settings, **knobs)  # type: ignore[arg-type]
 
 
@@ -185,15 +186,4 @@ def _check_range(name: str, value: object, low: float, high: float) -> None:
     fits = isinstance(value, accepted) and not isinstance(value, bool)
     if not fits or not low <= value <= high:  # type: ignore[operator]
         kind = "a whole number" if whole else "a number"
-        raise DeepringError(
-            f"simulation setting {name} = {value!r}; expected {kind} from {low} to {high}. "
-            f"Choose a value in that range."
-        )
-
-
-def _check_choice(what: str, value: object, choices: "tuple[str, ...] | list[str]") -> None:
-    if value not in choices:
-        raise DeepringError(
-            f"simulation {what} = {value!r}; expected one of: {', '.join(choices)}. "
-            f"Check the spelling."
-        )
+        raise ConfigError(f"{name}: {value!r}, expected {kind} from {low} to {high}")

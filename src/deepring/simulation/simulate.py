@@ -2,30 +2,29 @@
 
 import multiprocessing
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from deepring.errors import DeepringError
+from deepring.checks import count
+from deepring.progress import Progress
 from deepring.simulation import manifest, mulran_writer, nclt_writer
 from deepring.simulation.drive import Drive
 from deepring.simulation.scene import Scene, scene_of
 from deepring.simulation.sensors import Sensor, Sweep
 from deepring.simulation.settings import SimulationSettings
 
-Progress = Callable[[int, int], None]
-
 _BATCH = 8  # scans that a worker is handed at a time
 
 
 class Writer(Protocol):
-    """What the module of a layout offers."""
+    """The functions of a layout's module, such as `nclt_writer`."""
 
     SESSIONS: tuple[str, str]
 
     def scan_path(self, root: Path, session: str, stamp: int, /) -> Path:
-        """Where the scan of a stamp (microseconds) lies."""
+        """Path of the scan of a stamp (microseconds)."""
 
     def pose_files(self, root: Path, session: str, /) -> list[Path]:
         """The files that ``write_poses`` makes."""
@@ -38,7 +37,7 @@ class Writer(Protocol):
 
 
 @dataclass(frozen=True)
-class Task:
+class ScanTask:
     """One scan to write: of which settings and session (0 or 1), its index, and the file."""
 
     settings: SimulationSettings
@@ -58,11 +57,11 @@ def simulate(
 
     A run that was interrupted goes on where it stopped; every scan has its own random numbers, so
     neither that nor the number of ``workers`` (processes) changes a byte. ``progress`` is called
-    with the scans done so far and their total. A data set that is whole is left as it is.
-    Raises DeepringError where ``root`` holds anything else, and then changes nothing.
+    with the scans done so far and their total. A dataset that is whole is left as it is.
+    Raises FileError where ``root`` holds anything else, and then changes nothing; ConfigError for
+    workers that are no number of them.
     """
-    if workers < 1:
-        raise DeepringError(f"workers = {workers}; expected 1 or more. Leave it out for one.")
+    count("workers", workers)
     root = Path(root)
     if manifest.claim(root, settings):
         return root
@@ -79,7 +78,7 @@ def session_names(settings: SimulationSettings) -> tuple[str, str]:
     return _writer(settings).SESSIONS
 
 
-def _finish(scene: Scene, root: Path, tasks: Sequence[Task]) -> None:
+def _finish(scene: Scene, root: Path, tasks: Sequence[ScanTask]) -> None:
     writer = _writer(scene.settings)
     scans = Counter(task.path.parent.relative_to(root).as_posix() for task in tasks)
     files = [path for name in writer.SESSIONS for path in writer.pose_files(root, name)]
@@ -87,11 +86,11 @@ def _finish(scene: Scene, root: Path, tasks: Sequence[Task]) -> None:
     manifest.finish(root, scene.settings, dict(scans), poses)
 
 
-def _tasks(scene: Scene, root: Path) -> list[Task]:
+def _tasks(scene: Scene, root: Path) -> list[ScanTask]:
     """Every scan of both sessions, in driving order."""
     settings, scan_path = scene.settings, _writer(scene.settings).scan_path
     return [
-        Task(settings, session, index, scan_path(root, name, stamp))
+        ScanTask(settings, session, index, scan_path(root, name, stamp))
         for session, name in enumerate(session_names(settings))
         for index, stamp in enumerate(scene.drives[session].scan_stamps.tolist())
     ]
@@ -104,7 +103,7 @@ def _write_poses(scene: Scene, root: Path) -> None:
             writer.write_poses(root, name, drive)
 
 
-def _write_scans(tasks: Sequence[Task], workers: int, progress: Progress | None) -> None:
+def _write_scans(tasks: Sequence[ScanTask], workers: int, progress: Progress | None) -> None:
     """Write the scans that are not there yet."""
     missing = [task for task in tasks if not task.path.is_file()]
     done = len(tasks) - len(missing)
@@ -114,7 +113,7 @@ def _write_scans(tasks: Sequence[Task], workers: int, progress: Progress | None)
             progress(done, len(tasks))
 
 
-def _each(tasks: Sequence[Task], workers: int) -> Iterator[None]:
+def _each(tasks: Sequence[ScanTask], workers: int) -> Iterator[None]:
     if workers == 1 or len(tasks) < 2:
         yield from map(_write_scan, tasks)
         return
@@ -122,7 +121,7 @@ def _each(tasks: Sequence[Task], workers: int) -> Iterator[None]:
         yield from pool.imap_unordered(_write_scan, tasks, chunksize=_BATCH)
 
 
-def _write_scan(task: Task) -> None:
+def _write_scan(task: ScanTask) -> None:
     scene = scene_of(task.settings)
     sweep = scene.sweep(task.session, task.index)
     _writer(task.settings).write_scan(task.path, sweep, scene.sensor)

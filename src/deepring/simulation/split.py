@@ -1,4 +1,4 @@
-"""Where to train and where to test in a simulated world, in the ground truth's coordinates.
+"""The train and test regions of a simulated world, in the ground truth's coordinates.
 
 Every world is split along its x axis: crossings of the train part lie at x <= 0, those of the
 test part at x >= GAP. No place of one region sees a place of the other within the 70 m that the

@@ -27,7 +27,7 @@ class World:
     prisms: Prisms
 
     def standing(self, session: int, settings: SimulationSettings) -> Prisms:
-        """What stands in one session (DATABASE or QUERY), crowns as bare as its season."""
+        """The standing prisms of one session (DATABASE or QUERY), crowns as bare as its season."""
         present = self.prisms[np.flatnonzero(self.prisms.sessions & session)]
         if session == DATABASE:
             return replace(present, depth=present.depth * settings.bare_season)

@@ -1,4 +1,4 @@
-"""What everything that is placed along a street shares: a side to place it on, and dice."""
+"""Placing things along a street: the side to place them on, and the dice."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ _FOOT = 0.6  # objects reach this far below the ground, so that none floats on a
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
+class StreetSide:
     """One side of a street: where it starts, its direction and the direction away from it."""
 
     start: FloatArray
@@ -35,12 +35,12 @@ class Side:
         return float(x), float(y)
 
 
-def sides_of(street: Street, streets: Streets) -> tuple[Side, Side]:
+def sides_of(street: Street, streets: Streets) -> tuple[StreetSide, StreetSide]:
     """Left and right side of a street."""
     start, length = streets.crossings[street[0]], streets.length(street)
     along = (streets.crossings[street[1]] - start) / length
     left = np.array([-along[1], along[0]])
-    return Side(start, along, left, length), Side(start, along, -left, length)
+    return StreetSide(start, along, left, length), StreetSide(start, along, -left, length)
 
 
 @dataclass(frozen=True)

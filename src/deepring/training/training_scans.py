@@ -7,7 +7,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.data.cache import Rasters, ScanSet
+from deepring.data.packed_rasters import Rasters
+from deepring.data.scan_set import ScanSet
 from deepring.errors import ConfigError
 
 Neighbours = list[NDArray[np.int64]]

@@ -8,28 +8,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.data.readers.listing import (
-    XYZI,
-    Listing,
+from deepring.data.poses.pose_tables import NANOSECONDS, poses_from_rows, read_table, rigid_rows
+from deepring.data.readers.reader import (
+    BinaryScans,
+    LayoutError,
+    Reader,
     existing_root,
     first_file,
-    layout_error,
-    list_scans,
-    nothing_readable,
-    read_bytes,
-    records_from,
-    valid_points,
 )
-from deepring.data.readers.trajectory import NANOSECONDS, poses_from_rows, read_table, rigid_rows
+from deepring.data.scans.listing import Listing, list_scans
+from deepring.data.scans.records import XYZI, read_records, valid_points
 from deepring.data.session import Points, Session, SkippedScans
-from deepring.errors import DeepringError
-
-LAYOUTS = (
-    "velodyne/<frame>.bin with poses.txt and calib.txt beside",
-    "sequences/NN/velodyne/<frame>.bin with sequences/NN/{poses.txt,calib.txt}",
-    "sequences/NN/velodyne/<frame>.bin with sequences/NN/calib.txt and poses/NN.txt",
-    "each also below dataset/; times.txt beside calib.txt where there are time stamps",
-)
+from deepring.errors import DataError, FileError
 
 _POSE_ROW = np.dtype([("values", np.float64, (12,))])
 _TIME_ROW = np.dtype([("seconds", np.float64)])
@@ -43,7 +33,7 @@ def read_kitti_scan(path: Path | str) -> Points:
     Records are float32 x, y, z, reflectance, little-endian. Points that are NaN, infinite or
     exactly (0, 0, 0) are dropped. Raises BrokenScanError.
     """
-    return valid_points(records_from(read_bytes(path), XYZI, path)["xyz"], path)
+    return valid_points(read_records(path, XYZI)["xyz"], path)
 
 
 def open_kitti(root: Path | str, sequence: str | None = None) -> Session:
@@ -53,14 +43,12 @@ def open_kitti(root: Path | str, sequence: str | None = None) -> Session:
     are P, the pose of cam0 in the world; with Tr (LiDAR -> cam0) of ``calib.txt`` the LiDAR's pose
     is Tr^-1 P Tr, in the frame of the first LiDAR scan. With Tr the identity, poses are taken as
     they stand. ``ground_truth`` is their (x, y); ``stamps`` are None without ``times.txt``. Scans
-    without a row, or whose row is no rigid pose, are left out and counted. Raises DeepringError
-    for a folder of another layout, or where no scan can be used.
+    without a row, or whose row is no rigid pose, are left out and counted. Raises LayoutError
+    for a folder of another layout, and DataError where no scan can be used.
     """
     base = existing_root(root)
     drive = _find_drive(base, sequence)
-    listing = list_scans(drive / "velodyne", XYZI.itemsize)
-    if not listing.files:
-        raise nothing_readable(drive / "velodyne", listing)
+    listing = list_scans(drive / "velodyne", XYZI)
     rows = _read_poses(base, drive)
     rigid = rigid_rows(rows)
     used = _scans_with_pose(listing, rigid, drive)
@@ -75,6 +63,7 @@ def open_kitti(root: Path | str, sequence: str | None = None) -> Session:
         ground_truth=poses[:, :2, 3].copy(),
         stamps=None if times is None else times[frames],
         read=read_kitti_scan,
+        decoding="kitti",
         skipped=SkippedScans(
             broken=listing.broken,
             without_pose=len(listing.files) - len(used),
@@ -87,24 +76,26 @@ def read_calibration(path: Path) -> NDArray[np.float64]:
     """Read Tr, LiDAR -> cam0, from ``calib.txt``: (4, 4) float64.
 
     That is the line ``Tr:`` with 12 numbers, among KITTI's P0 to P3, or a lone line of 12 numbers.
+    Raises FileError for any other file.
     """
     advice = "For poses that are the LiDAR's own, write: Tr: 1 0 0 0 0 1 0 0 0 0 1 0"
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise DeepringError(
-            f"{path}: cannot be read ({error}); expected Tr, LiDAR to camera. {advice}"
+        reason = error.strerror if isinstance(error, OSError) else "no text"
+        raise FileError(
+            f"{path}: cannot be read ({reason}); expected Tr, LiDAR to camera. {advice}"
         ) from error
     lines = [line.partition(":") for line in text.splitlines() if line.strip()]
-    found = [numbers for name, colon, numbers in lines if colon and name.strip() == "Tr"]
-    if not found and len(lines) == 1 and not lines[0][1]:
-        found = [lines[0][0]]
+    texts = [numbers for name, colon, numbers in lines if colon and name.strip() == "Tr"]
+    if not texts and len(lines) == 1 and not lines[0][1]:
+        texts = [lines[0][0]]
     try:
-        transform = poses_from_rows(np.array([found[0].split()], dtype=np.float64).reshape(1, 12))
+        transform = poses_from_rows(np.array([texts[0].split()], dtype=np.float64).reshape(1, 12))
     except (IndexError, ValueError) as error:
-        raise DeepringError(f"{path}: expected a line 'Tr:' with 12 numbers. {advice}") from error
+        raise FileError(f"{path}: expected a line 'Tr:' with 12 numbers. {advice}") from error
     if not rigid_rows(transform)[0]:
-        raise DeepringError(f"{path}: Tr is {found[0].strip()}; expected a rotation and a shift")
+        raise FileError(f"{path}: Tr is {texts[0].strip()}; expected a rotation and a shift")
     return np.asarray(transform[0], dtype=np.float64)
 
 
@@ -142,9 +133,7 @@ def _find_drive(root: Path, sequence: str | None) -> Path:
             return drive
     wanted = "no velodyne/ folder" if sequence is None else f"no scans of session {sequence!r}"
     there = ", ".join(list_kitti(root))
-    raise layout_error(
-        wanted + (f", but of {there}: name one" if there else ""), root, "kitti", LAYOUTS
-    )
+    raise LayoutError(wanted + (f", but of {there}: name one" if there else ""), root)
 
 
 def _pose_file(root: Path, drive: Path) -> Path | None:
@@ -157,7 +146,7 @@ def _read_poses(root: Path, drive: Path) -> NDArray[np.float64]:
     path = _pose_file(root, drive)
     if path is None:
         problem = f"no poses.txt and no poses/NN.txt for the scans of {drive}, so no ground truth"
-        raise layout_error(problem, root, "kitti", LAYOUTS)
+        raise LayoutError(problem, root)
     expected = "12 numbers, separated by blanks: a 3x4 pose, row by row"
     return poses_from_rows(read_table(path, _POSE_ROW, None, expected)["values"])
 
@@ -168,13 +157,13 @@ def _scans_with_pose(listing: Listing, rigid: NDArray[np.bool_], drive: Path) ->
     in_range = numbers < rows
     if len(numbers) + len(listing.broken) == rows and not in_range.all():
         # As many scans as poses, numbered otherwise: rows would go to the wrong scans in silence.
-        raise DeepringError(
+        raise DataError(
             f"{drive}/velodyne: {rows} scans for {rows} poses, but numbered up to {numbers[-1]}; "
             f"expected names from 000000.bin to {rows - 1:06d}.bin. Rename them by their rows"
         )
     used = np.flatnonzero(in_range & rigid[np.minimum(numbers, rows - 1)])
     if not len(used):
-        raise DeepringError(
+        raise DataError(
             f"{drive}/velodyne: no scan with a pose: scans are numbered {numbers[0]} to "
             f"{numbers[-1]}, and the pose file has {rows} rows ({int(rigid.sum())} of them usable)."
             " The number in a scan's name is its row, from 0"
@@ -188,8 +177,25 @@ def _read_times(path: Path, rows: int) -> NDArray[np.int64] | None:
         return None
     seconds = read_table(path, _TIME_ROW, None, "one number, a time in seconds")["seconds"]
     if len(seconds) != rows or not (np.abs(seconds) < 9e9).all():  # also refuses NaN
-        raise DeepringError(
+        raise DataError(
             f"{path}: {len(seconds)} rows for {rows} poses; expected a time in seconds for each. "
             "Fetch the file again, or remove it: time stamps are optional"
         )
     return np.rint(seconds * NANOSECONDS).astype(np.int64)
+
+
+READER = Reader(
+    name="kitti",
+    title="KITTI",
+    layouts=(
+        "velodyne/<frame>.bin with poses.txt and calib.txt beside",
+        "sequences/NN/velodyne/<frame>.bin with sequences/NN/{poses.txt,calib.txt}",
+        "sequences/NN/velodyne/<frame>.bin with sequences/NN/calib.txt and poses/NN.txt",
+        "each also below dataset/; times.txt beside calib.txt where there are time stamps",
+    ),
+    open=open_kitti,
+    sessions=list_kitti,
+    signatures=("velodyne", "calib.txt"),
+    scan_folders=("velodyne",),
+    scans={"kitti": BinaryScans(read_kitti_scan, (XYZI,), ground_z=-1.73)},
+)

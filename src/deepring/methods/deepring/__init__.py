@@ -1,10 +1,25 @@
-"""DeepRING: sinogram, circular UNet, row-wise DFT magnitude, circular cross-correlation."""
+"""DeepRING: sinogram, circular UNet, row-wise DFT magnitude, circular cross-correlation.
+
+The paper's equations, and where they are (`tests/test_paper_equations.py` has a test for each):
+
+    1  sinogram: integrals over lines x cos θ + y sin θ = τ    core.radon.radon
+    2  a turn of the scan shifts the sinogram along θ          core.radon; core.equivariance
+    3  a translation shifts each row by its projection         core.radon; core.equivariance
+    4  a translation moves polar cells nonlinearly             rasters.polar.polar_gram
+    5  convolution that wraps around both axes                 nn.circular.CircularConv2d
+    6  features shift along τ with the sinogram                nn.unet.CircularUNet
+    7  the magnitude of a row's DFT forgets the shift          core.spectrum.row_dft_magnitude
+    8  similarity: largest circular cross-correlation over θ   core.correlation
+    9  softmax(W C + b) over the ways of an episode            training.episodes.OneShotClassifier
+    -  cross-entropy over the ways, not numbered in the paper  training.episodes.OneShotCrossEntropy
+"""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from jaxtyping import Float, Shaped
 from torch import Tensor, nn
 
 from deepring.checks import one_of
@@ -19,6 +34,7 @@ from deepring.core.similarity import cosine, negative_distance
 from deepring.errors import ConfigError
 from deepring.methods.base import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
+from deepring.methods.settings import SettingsGroup
 from deepring.nn.aggregation import AGGREGATIONS, ROTATION_INVARIANT, channels_for
 from deepring.nn.circular import TauPadding
 from deepring.nn.representation import make_representation
@@ -45,24 +61,52 @@ _PERIOD = {"full": 2 * math.pi, "half": math.pi}
 
 
 @dataclass(frozen=True)
+class RepresentationSettings(SettingsGroup):
+    """How the network sees the raster; see `deepring.nn.representation`."""
+
+    angles: int | None = 120  # of the sinogram; None for the other rasters
+    bins: int | None = 120
+    theta_range: ThetaRange = "full"
+    pool: int = 1
+
+
+@dataclass(frozen=True)
+class EncoderSettings(SettingsGroup):
+    """See `deepring.nn.unet.CircularUNet`. The paper gives no widths; these are DiSCO's."""
+
+    widths: Sequence[int] = (64, 128, 256, 512)
+    convolutions: int = 2
+    norm: str = "batch"
+    tau_padding: TauPadding = "circular"
+    stem: int = 1
+
+
+@dataclass(frozen=True)
+class AggregationSettings(SettingsGroup):
+    """One of `deepring.nn.aggregation.AGGREGATIONS`."""
+
+    kind: str = "dft"
+
+
+@dataclass(frozen=True)
+class SimilaritySettings(SettingsGroup):
+    """What compares two descriptors, and how a descriptor is normalised before."""
+
+    kind: str = "correlation"
+    normalisation: str = "unit"
+
+
+@dataclass(frozen=True)
 class DeepRingSettings(PlainSettings):
     """Everything that makes a descriptor but the weights. Plain values, kept in checkpoints."""
 
     label: ClassVar[str] = "DeepRING"
 
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(BevRaster()))
-    angles: int | None = 120  # of the sinogram; None for the other rasters
-    bins: int | None = 120
-    theta_range: ThetaRange = "full"
-    pool: int = 1
-    widths: Sequence[int] = (64, 128, 256, 512)
-    convolutions: int = 2
-    norm: str = "batch"
-    tau_padding: TauPadding = "circular"
-    stem: int = 1
-    aggregation: str = "dft"
-    normalisation: str = "unit"
-    similarity: str = "correlation"
+    representation: RepresentationSettings = RepresentationSettings()
+    encoder: EncoderSettings = EncoderSettings()
+    aggregation: AggregationSettings = AggregationSettings()
+    similarity: SimilaritySettings = SimilaritySettings()
 
 
 class DeepRing(NetworkMethod):
@@ -78,42 +122,53 @@ class DeepRing(NetworkMethod):
     def __init__(self, settings: DeepRingSettings | None = None) -> None:
         settings = DeepRingSettings() if settings is None else settings
         super().__init__(settings)
-        one_of("similarity.normalisation", settings.normalisation, NORMALISATIONS)
-        one_of("aggregation.kind", settings.aggregation, AGGREGATIONS)
-        one_of("similarity.kind", settings.similarity, SIMILARITIES)
-        if settings.similarity == "correlation" and settings.aggregation in ROTATION_INVARIANT:
+        representation, encoder = settings.representation, settings.encoder
+        aggregation, similarity = settings.aggregation.kind, settings.similarity.kind
+        normalisation = settings.similarity.normalisation
+        one_of("similarity.normalisation", normalisation, NORMALISATIONS)
+        one_of("aggregation.kind", aggregation, AGGREGATIONS)
+        one_of("similarity.kind", similarity, SIMILARITIES)
+        if similarity == "correlation" and aggregation in ROTATION_INVARIANT:
             raise ConfigError(
-                f"similarity.kind: 'correlation' with aggregation.kind: {settings.aggregation!r}, "
-                "whose rows are no directions to search over; take similarity=l2 or cosine"
+                f"similarity.kind: 'correlation' with aggregation.kind: {aggregation!r}, "
+                "whose rows are no directions to search over; take the similarity l2 or cosine"
             )
         self.representation = make_representation(
-            self._raster, settings.angles, settings.bins, settings.pool, settings.theta_range
+            self._raster,
+            representation.angles,
+            representation.bins,
+            representation.pool,
+            representation.theta_range,
         )
-        columns = self.representation.columns // settings.stem
+        columns = self.representation.columns // encoder.stem
         self.encoder = CircularUNet(
-            settings.widths,
-            out_channels=channels_for(settings.aggregation, columns),
-            convolutions=settings.convolutions,
-            norm=settings.norm,
-            tau_padding=settings.tau_padding,
-            theta_range=settings.theta_range,
-            stem=settings.stem,
+            encoder.widths,
+            out_channels=channels_for(aggregation, columns),
+            convolutions=encoder.convolutions,
+            norm=encoder.norm,
+            tau_padding=encoder.tau_padding,
+            theta_range=representation.theta_range,
+            stem=encoder.stem,
         )
-        self.aggregate = AGGREGATIONS[settings.aggregation]
-        self.normalise = NORMALISATIONS[settings.normalisation]
+        self.aggregate = AGGREGATIONS[aggregation]
+        self.normalise = NORMALISATIONS[normalisation]
 
-    def forward(self, rasters: Tensor) -> Tensor:
+    def forward(
+        self, rasters: Shaped[Tensor, " batch *raster"]
+    ) -> Float[Tensor, "batch theta value"]:
         """Descriptors M_f (b, θ, ω) of rasters (b, *raster.shape)."""
         image = self.representation(rasters)
         feature = self.encoder(image)
         return self.normalise(self.aggregate(feature))
 
-    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+    def compare(
+        self, queries: Float[Tensor, "q theta value"], database: Float[Tensor, "d theta value"]
+    ) -> Comparison:
         """Correlation at the best rotation (Eq. 8), and that rotation; L2 and cosine find none.
 
         Over half a turn the rotation is known up to 180°.
         """
-        match self.settings.similarity:
+        match self.settings.similarity.kind:
             case "l2":
                 return Comparison(negative_distance(queries, database), None)
             case "cosine":
@@ -125,11 +180,11 @@ class DeepRing(NetworkMethod):
     @property
     def turn_period(self) -> float:
         """Radians that turns are known modulo: the range of θ."""
-        return _PERIOD[self.settings.theta_range]
+        return _PERIOD[self.settings.representation.theta_range]
 
     def index(self, settings: SearchSettings | None = None) -> Index:
         """Search by correlation, or exhaustively by a distance; see `index_of`."""
-        match self.settings.similarity:
+        match self.settings.similarity.kind:
             case "l2":
                 return VectorIndex("l2")
             case "cosine":

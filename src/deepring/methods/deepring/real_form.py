@@ -8,6 +8,7 @@ import math
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Float, Float32, Int32
 from torch import Tensor, nn
 
 from deepring.core.radon import _directions
@@ -33,22 +34,23 @@ class RealDeepRing(nn.Module):
     def __init__(self, network: DeepRing) -> None:
         super().__init__()
         settings, raster = network.settings, network.raster
-        wanted = {"theta_range": "full", "aggregation": "dft", "normalisation": "unit"}
-        other = {k: v for k, v in wanted.items() if getattr(settings, k) != v}
-        if not isinstance(raster, BevRaster) or other or settings.angles is None:
+        sinogram, kind = settings.representation, settings.aggregation.kind
+        made_by = (kind, settings.similarity.normalisation, sinogram.theta_range)
+        other = made_by != ("dft", "unit", "full")
+        if not isinstance(raster, BevRaster) or other or sinogram.angles is None:
             raise ConfigError(
-                f"onnx: a network over {type(raster).__name__} with aggregation "
-                f"{settings.aggregation}, normalisation {settings.normalisation}, theta_range "
-                f"{settings.theta_range}; expected BevRaster, dft, unit, full"
+                f"onnx: a network over {type(raster).__name__} with aggregation {made_by[0]}, "
+                f"normalisation {made_by[1]}, theta_range {made_by[2]}; expected BevRaster, dft, "
+                "unit, full"
             )
-        assert settings.bins is not None
-        self.encoder, self.pool = network.encoder, settings.pool
-        self.count, self.bins = settings.angles // 2, settings.bins
+        assert sinogram.bins is not None
+        self.encoder, self.pool = network.encoder, sinogram.pool
+        self.count, self.bins = sinogram.angles // 2, sinogram.bins
         seen, lower, upper = _projection(raster.cells, self.count, self.bins)
         for name, value in {"seen": seen, "lower": lower, "upper": upper}.items():
             self.register_buffer(name, value)
         self.unit = 2.0 / raster.cells
-        columns = self.bins // self.pool // settings.stem
+        columns = self.bins // self.pool // settings.encoder.stem
         angle = (
             2 * math.pi / columns * torch.arange(columns)[:, None] * torch.arange(columns // 2 + 1)
         )
@@ -56,7 +58,7 @@ class RealDeepRing(nn.Module):
         self.register_buffer("cosines", (angle.double().cos() * scale).float())
         self.register_buffer("sines", (angle.double().sin() * scale).float())
 
-    def forward(self, images: Tensor) -> Tensor:
+    def forward(self, images: Float[Tensor, "batch n n"]) -> Float[Tensor, "batch theta omega"]:
         """Descriptors of unit norm."""
         feature = self.encoder(self._sinogram(images))[:, 0]
         real, imaginary = feature @ self.cosines, feature @ self.sines
@@ -64,7 +66,7 @@ class RealDeepRing(nn.Module):
         norm = magnitude.square().sum(dim=(-2, -1), keepdim=True).sqrt()
         return magnitude / norm.clamp_min(1e-12)
 
-    def _sinogram(self, images: Tensor) -> Tensor:
+    def _sinogram(self, images: Float[Tensor, "batch n n"]) -> Float[Tensor, "batch 1 theta tau"]:
         """(b, 1, θ, τ), as `deepring.core.radon.radon`, pooled."""
         batch = images.shape[0]
         values = images.flatten(1)[:, self.seen.long()][:, None] * (self.bins / images.shape[-1])
@@ -78,7 +80,9 @@ class RealDeepRing(nn.Module):
         return F.avg_pool2d(whole[:, None], self.pool) if self.pool > 1 else whole[:, None]
 
 
-def _projection(cells: int, count: int, bins: int) -> tuple[Tensor, Tensor, Tensor]:
+def _projection(
+    cells: int, count: int, bins: int
+) -> tuple[Int32[Tensor, " c"], Int32[Tensor, "{count} c"], Float32[Tensor, "{count} c"]]:
     """The cells of the inscribed disc, flat (c,) int32; for each direction the bin below each of
     them in rows of ``bins`` and one more at either end, flat (θ, c) int32, and the share (θ, c) of
     the bin above."""

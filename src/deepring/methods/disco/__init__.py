@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import torch
+from jaxtyping import Float, Int64, Shaped
 from torch import Tensor
 
 from deepring.checks import count
@@ -63,19 +64,25 @@ class Disco(NetworkMethod):
             count("disco.aligned", settings.aligned)
         self.encoder = DiscoUNet(heights, settings.widths, settings.padding)
 
-    def forward(self, rasters: Tensor) -> Tensor:
+    def forward(
+        self, rasters: Shaped[Tensor, "batch height theta r"]
+    ) -> Float[Tensor, "batch theta r"]:
         """Feature maps (b, θ, r) of polar occupancy (b, heights, θ, r), 0 or 1 of any type."""
         return self.encoder(rasters.float())
 
-    def signature(self, descriptors: Tensor) -> Tensor:
+    def signature(
+        self, descriptors: Float[Tensor, "*batch theta r"]
+    ) -> Float[Tensor, "*batch value"]:
         """The rotation invariant part of the descriptors, (b, size²): what L2 compares."""
         return central_magnitude(descriptors, self.settings.size)
 
-    def vectors(self, descriptors: Tensor) -> Tensor:
+    def vectors(self, descriptors: Float[Tensor, "batch theta r"]) -> Float[Tensor, "batch value"]:
         """The signatures."""
         return self.signature(descriptors)
 
-    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+    def compare(
+        self, queries: Float[Tensor, "q theta r"], database: Float[Tensor, "d theta r"]
+    ) -> Comparison:
         """Negative Euclidean distance of signatures, and the turn by phase correlation.
 
         The turn is NaN for entries that are not among the ``aligned`` most alike ones: like the
@@ -88,7 +95,9 @@ class Disco(NetworkMethod):
             turn[k, nearest] = self.align(query, database[nearest])
         return Comparison(score, turn)
 
-    def align(self, query: Tensor, entries: Tensor) -> Tensor:
+    def align(
+        self, query: Float[Tensor, "theta r"], entries: Float[Tensor, "d theta r"]
+    ) -> Float[Tensor, " d"]:
         """Turn (d,) from each entry (d, θ, r) to one query (θ, r), by phase correlation."""
         return shift_to_turn(phase_correlation(query, entries).shift, query.shape[-2])
 
@@ -100,7 +109,7 @@ class Disco(NetworkMethod):
         return VectorIndex("l2", self.vectors, self.align)
 
 
-def _nearest(score: Tensor, number: int | None) -> Tensor:
+def _nearest(score: Float[Tensor, " d"], number: int | None) -> Int64[Tensor, " _"]:
     """Indices of the ``number`` largest of (d,), all where it is None or more than d."""
     if number is None or number >= len(score):
         return torch.arange(len(score), device=score.device)

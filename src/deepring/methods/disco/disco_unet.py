@@ -5,6 +5,7 @@ from functools import partial
 from typing import Literal
 
 import torch.nn.functional as F
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from deepring.errors import DeepringError
@@ -58,12 +59,14 @@ class DiscoUNet(UNet):
         assert isinstance(last, nn.Sequential)
         last[-1] = nn.Sigmoid()
 
-    def forward(self, x: Tensor) -> Tensor:
+    def forward(self, x: Float[Tensor, "batch height theta r"]) -> Float[Tensor, "batch theta r"]:
         """Feature maps (b, θ, r) of polar occupancy (b, heights, θ, r)."""
         return super().forward(x)[:, 0]
 
 
-def _published(x: Tensor) -> Tensor:
+def _published(
+    x: Float[Tensor, "batch channel theta r"],
+) -> Float[Tensor, "batch channel 2*theta 2*r"]:
     """Twice θ and r, as the published code does."""
     return F.interpolate(x, scale_factor=2, mode="bilinear", align_corners=True)
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from deepring.core.similarity import negative_distance
@@ -50,14 +51,16 @@ class EgoNnGlobal(NetworkMethod):
             close_theta=settings.close_theta,
         )
 
-    def forward(self, rasters: Tensor) -> Tensor:
+    def forward(self, rasters: Int[Tensor, "batch n 3"]) -> Float[Tensor, "batch value"]:
         """Descriptors (b, 256) float32 of voxel indices (b, max_voxels, 3), integers.
 
         Raises DeepringError where a scan has no voxel.
         """
         return self.network(rasters)
 
-    def compare(self, queries: Tensor, database: Tensor) -> Comparison:
+    def compare(
+        self, queries: Float[Tensor, "q value"], database: Float[Tensor, "d value"]
+    ) -> Comparison:
         """Negative Euclidean distance, at most 0; the turn is not known."""
         return Comparison(negative_distance(queries, database), None)
 

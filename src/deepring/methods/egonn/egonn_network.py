@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Float, Shaped
 from torch import Tensor, nn
 
 from deepring.errors import DeepringError
@@ -16,7 +17,7 @@ from deepring.nn import sparse
 from deepring.nn.sparse import Grid, PointNorm, SparseTensor, SubmanifoldConv
 from deepring.rasters.voxels import PADDING, sectors_of
 
-Voxels = Sequence[Tensor] | Tensor
+Voxels = Sequence[Shaped[Tensor, "..."]] | Shaped[Tensor, "..."]
 """A list of (m, 3) integer (θ, r, z), one a scan, or (b, m, 3) filled up with rows of PADDING."""
 
 WIDTHS = (32, 64, 64, 128, 128, 128, 128)
@@ -56,7 +57,7 @@ class EfficientChannelAttention(nn.Module):
         kernel += 1 - kernel % 2
         self.conv = nn.Conv1d(1, 1, kernel, padding=kernel // 2, bias=False)
 
-    def weights(self, x: SparseTensor) -> Tensor:
+    def weights(self, x: SparseTensor) -> Float[Tensor, "batch channel"]:
         """(b, channels) in (0, 1)."""
         means = torch.stack([scan.mean(dim=0) for scan in x.scans()])
         return self.conv(means[:, None])[:, 0].sigmoid()
@@ -158,7 +159,7 @@ class GeM(nn.Module):
         self.p = nn.Parameter(torch.tensor([p]))
         self.eps = eps
 
-    def forward(self, x: SparseTensor) -> Tensor:
+    def forward(self, x: SparseTensor) -> Float[Tensor, "batch value"]:
         """(n, c) of b scans -> (b, c)."""
         powers = x.put(x.features.clamp(min=self.eps).pow(self.p))
         return torch.stack([scan.mean(dim=0) for scan in powers.scans()]).pow(1 / self.p)
@@ -185,7 +186,7 @@ class GlobalHead(nn.Module):
         self.pool = GeM()
         self.size = size
 
-    def forward(self, levels: Mapping[int, SparseTensor]) -> Tensor:
+    def forward(self, levels: Mapping[int, SparseTensor]) -> Float[Tensor, "batch value"]:
         """(b, size) descriptors."""
         x = self.pyramid(levels)
         return self.pool(x.put(self.decoder(x.features)))
@@ -231,7 +232,7 @@ class EgoNN(nn.Module):
         ones = next(self.parameters()).new_ones(len(grid), 1)
         return self.trunk(SparseTensor(ones, grid))
 
-    def forward(self, voxels: Voxels) -> Tensor:
+    def forward(self, voxels: Voxels) -> Float[Tensor, "batch value"]:
         """(b, 256) descriptors of b scans, not normalised."""
         if not len(voxels):
             return next(self.parameters()).new_empty(0, self.global_head.size)

@@ -56,7 +56,7 @@ class OneShotClassifier(nn.Module):
 
 
 class OneShotCrossEntropy(EpisodeLoss):
-    """Cross-entropy of the one-shot classifier (paper, Eq. 10); W starts as given."""
+    """Cross-entropy of the one-shot classifier (paper, behind Eq. 9); W starts as given."""
 
     def __init__(self, temperature_scale: float = 100.0) -> None:
         super().__init__()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring.checks import count
-from deepring.data.cache import Rasters
+from deepring.data.packed_rasters import Rasters
 from deepring.errors import DataError
 from deepring.methods.network import NetworkMethod
 from deepring.training.episodes.episode_losses import EpisodeLoss

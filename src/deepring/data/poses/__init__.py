@@ -1,0 +1,1 @@
+"""Pose tables, trajectories, and the pose of each scan."""

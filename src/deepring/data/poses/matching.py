@@ -1,0 +1,46 @@
+"""The scans of a folder that have a pose, each with its own."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deepring.data.poses.pose_tables import NANOSECONDS
+from deepring.data.poses.trajectory import Trajectory
+from deepring.data.scans.listing import Listing
+from deepring.data.session import SkippedScans
+from deepring.errors import DataError
+
+
+class PosedScans(NamedTuple):
+    """The m scans of a listing that have a pose."""
+
+    files: tuple[Path, ...]
+    stamps: NDArray[np.int64]  # (m,) nanoseconds
+    poses: NDArray[np.float64]  # (m, 4, 4), as the trajectory has them
+    skipped: SkippedScans
+
+
+def match_scans(listing: Listing, trajectory: Trajectory, tolerance_s: float) -> PosedScans:
+    """Give each scan of a listing in nanoseconds its pose, and count those that get none.
+
+    Raises DataError where no scan gets one.
+    """
+    poses, valid = trajectory.interpolate(listing.numbers, tolerance_s)
+    if not valid.any():
+        raise DataError(
+            f"no pose within {tolerance_s} s of any scan of {listing.files[0].parent}: scans run "
+            f"{_span(listing.numbers)}, poses {_span(trajectory.stamps)}. Check that scans and "
+            "ground truth are of the same drive, or raise pose_tolerance"
+        )
+    return PosedScans(
+        files=tuple(listing.files[i] for i in np.flatnonzero(valid)),
+        stamps=listing.numbers[valid],
+        poses=poses[valid],
+        skipped=SkippedScans(listing.broken, int(np.sum(~valid)), trajectory.bad_poses),
+    )
+
+
+def _span(stamps: NDArray[np.int64]) -> str:
+    return f"from {stamps[0] / NANOSECONDS:.3f} s to {stamps[-1] / NANOSECONDS:.3f} s"

@@ -1,0 +1,55 @@
+"""Some scans of a session, as a method is to see them."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deepring.core.rigid import turn_points, yaw_of
+from deepring.data.session import Session
+from deepring.rasters import Raster
+
+
+@dataclass(frozen=True, eq=False)
+class ScanSet:
+    """Some scans of a session, in order, as a method is to see them.
+
+    ``ground_z`` is the z of the ground under the sensor in the scan's frame (metres); ``turns``
+    (n,) radians turn each scan before it is rasterized, None leaves them as they are.
+    """
+
+    session: Session
+    indices: NDArray[np.int64]
+    ground_z: float = 0.0
+    turns: NDArray[np.float64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """World positions (n, 2), metres."""
+        return self.session.positions[self.indices]
+
+    @property
+    def ground_truth(self) -> NDArray[np.float64]:
+        """Ground-truth positions (n, 2), as the dataset writes them."""
+        return self.session.ground_truth[self.indices]
+
+    @property
+    def headings(self) -> NDArray[np.float64]:
+        """Yaw of the scan frames in the world (n,), radians, counter-clockwise, before any turn."""
+        return yaw_of(self.session.poses[self.indices])
+
+    def subset(self, mask: NDArray[np.bool_]) -> "ScanSet":
+        """The scans where ``mask`` (n,) holds."""
+        turns = None if self.turns is None else self.turns[mask]
+        return ScanSet(self.session, self.indices[mask], self.ground_z, turns)
+
+    def rasterize(self, k: int, raster: Raster) -> NDArray[Any]:
+        """Read scan ``k`` of the set and make its raster. Raises BrokenScanError."""
+        points = self.session.points(int(self.indices[k]))
+        if self.turns is not None:
+            points = turn_points(points, float(self.turns[k]))
+        return raster(points, self.ground_z)

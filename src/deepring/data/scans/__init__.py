@@ -1,0 +1,1 @@
+"""Scan files: listing a folder, decoding records, point clouds and bags."""

@@ -1,0 +1,68 @@
+"""Scan files that are nothing but point records: read, viewed, and cleaned of missing returns."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deepring.data.session import Points
+from deepring.errors import BrokenScanError
+
+#: One point of a MulRan or KITTI scan: x, y, z in metres and an intensity, little-endian float32.
+XYZI = np.dtype([("xyz", "<f4", (3,)), ("intensity", "<f4")])
+
+
+def size_problem(size: int, *records: np.dtype) -> str | None:
+    """Why a file of ``size`` bytes holds no whole records of any of these types, or None."""
+    sizes = " or ".join(str(record.itemsize) for record in records)
+    if size == 0:
+        return f"0 bytes, an empty file; expected records of {sizes} bytes each"
+    if all(size % record.itemsize for record in records):
+        return f"{size} bytes; expected a multiple of {sizes}, the size of one point record"
+    return None
+
+
+def file_problem(path: Path, *records: np.dtype) -> str | None:
+    """`size_problem` of a file, by its size alone; or that it cannot be read."""
+    try:
+        return size_problem(path.stat().st_size, *records)
+    except OSError as error:  # such as a link to nowhere
+        return f"cannot be read ({error.strerror})"
+
+
+def read_records(path: Path | str, record: np.dtype) -> NDArray:
+    """The (n,) records of one file.
+
+    Raises BrokenScanError where it cannot be read, is empty, or no multiple of a record long.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise BrokenScanError(
+            f"{path}: cannot be read ({error.strerror}); expected a scan file"
+        ) from error
+    return records_from(data, record, path)
+
+
+def records_from(data: bytes, record: np.dtype, source: Path | str) -> NDArray:
+    """View ``data`` as (n,) records. Raises BrokenScanError naming ``source`` and its size."""
+    problem = size_problem(len(data), record)
+    if problem:
+        raise BrokenScanError(f"{source}: {problem}. Fetch or unpack the file again")
+    return np.frombuffer(data, dtype=record)
+
+
+def valid_points(xyz: NDArray[np.float32], source: Path | str) -> Points:
+    """The finite points that are no missing return, which is written as (0, 0, 0).
+
+    ``xyz`` is (n, 3) in metres; the result is (m, 3), float32. Raises BrokenScanError where
+    no point is left.
+    """
+    points = np.asarray(xyz[np.isfinite(xyz).all(axis=1)], dtype=np.float32)
+    points = points[points.any(axis=1)]
+    if not len(points):
+        raise BrokenScanError(
+            f"{source}: {len(xyz)} records, all of them missing returns (0, 0, 0), NaN or "
+            "infinite; expected at least one valid point"
+        )
+    return points

@@ -1,0 +1,105 @@
+"""One scan from a file of any kind: .bin, .npy, .pcd, .ply, or the files of a folder."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deepring.data.readers import binary_formats
+from deepring.data.scans.bag_files import BAGS, is_bag
+from deepring.data.scans.ply import read_ply
+from deepring.data.session import Points
+from deepring.errors import BrokenScanError, ConfigError, DeepringError, FileError
+
+
+def read_scan(path: Path | str, binary: str | None = None) -> Points:
+    """Points (n, 3) float32, metres, of a .npy, .pcd, .ply or .bin file.
+
+    ``binary`` says what a .bin file holds: one of `binary_formats`. Points without coordinates, as
+    organised clouds have them for beams without a return, are kept as they are.
+
+    Raises:
+        BrokenScanError: a file that cannot be decoded.
+        FileError: a missing file, one of another kind, or a library that is not there.
+        ConfigError: a .bin file of unknown content.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileError(f"scan {path}: no such file")
+    if path.suffix == ".bin":
+        formats = binary_formats()
+        if binary not in formats:
+            raise ConfigError(
+                f"scan {path}: a .bin file does not say what is in it; name its format, one of "
+                f"{', '.join(formats)}",
+                argument="binary",
+            )
+        return formats[binary].read(path)
+    if path.suffix not in _READERS:
+        raise FileError(
+            f"scan {path}: files ending in {path.suffix!r} are not known; expected .bin, "
+            f"{', '.join(_READERS)}"
+        )
+    try:
+        points = np.asarray(_READERS[path.suffix](path))
+    except DeepringError:
+        raise
+    except Exception as error:  # whatever a library raises for a damaged file
+        raise BrokenScanError(
+            f"scan {path}: cannot be decoded; expected a whole {path.suffix} file, this one is "
+            "damaged, cut short or of another kind"
+        ) from error
+    if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind not in "fiu":
+        raise BrokenScanError(
+            f"scan {path}: an array of shape {points.shape} and type {points.dtype}; expected "
+            "numbers (n, 3) or wider, x, y and z first"
+        )
+    with np.errstate(over="ignore"):  # beyond float32 becomes infinite
+        return np.ascontiguousarray(points[:, :3], dtype=np.float32)
+
+
+def scan_files(paths: Sequence[Path]) -> list[Path]:
+    """The files named, and those of the folders named in the order of their names.
+
+    Bags are among them; a folder that is one stands for itself.
+
+    Raises FileError for a path that is not there, and for a folder without scans.
+    """
+    endings = {".bin", *_READERS, *BAGS}
+    files: list[Path] = []
+    for path in paths:
+        if path.is_dir() and not is_bag(path):
+            inside = sorted(file for file in path.iterdir() if file.suffix in endings)
+            if not inside:
+                raise FileError(
+                    f"{path}: a folder without scans; expected files ending in "
+                    f"{', '.join(sorted(endings))}"
+                )
+            files += inside
+        elif path.exists():
+            files.append(path)
+        else:
+            raise FileError(f"{path}: no such file or folder; expected scans")
+    return files
+
+
+def _read_npy(path: Path) -> Any:
+    return np.load(path, allow_pickle=False)
+
+
+def _read_pcd(path: Path) -> Any:
+    try:
+        from pypcd4 import PointCloud  # type: ignore[attr-defined]
+    except ImportError as error:
+        raise FileError(
+            f"scan {path}: .pcd files need pypcd4; pip install 'deepring[scans]'"
+        ) from error
+    return PointCloud.from_path(path).numpy(("x", "y", "z"))
+
+
+_READERS: dict[str, Callable[[Path], Any]] = {
+    ".npy": _read_npy,
+    ".pcd": _read_pcd,
+    ".ply": read_ply,
+}

@@ -1,0 +1,181 @@
+"""The options of the config groups: the files of ``conf/``, and those generated from the library.
+
+An option is generated where it is a default of the library or a mere name for a choice; a file
+states what differs from it. All names are known here without importing what they stand for.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+Make = Callable[[], dict[str, Any]]
+"""Makes an option's values, importing what it needs."""
+
+#: Methods by the names of their generated settings, each with every key and its default.
+_METHODS = {
+    "ring": "deepring.methods.ring.Ring",
+    "ring_plus_plus": "deepring.methods.ring_plus_plus.RingPlusPlus",
+    "scan_context": "deepring.methods.scan_context.ScanContext",
+    "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
+    "disco": "deepring.methods.disco.Disco",
+    "egonn": "deepring.methods.egonn.EgoNnGlobal",
+}
+
+#: DeepRING's representations: the raster's kind, and settings beside the defaults. The rows and
+#: columns of other rasters than a BEV are the raster's.
+_REPRESENTATIONS: dict[str, tuple[str, dict[str, Any]]] = {
+    "sinogram": ("bev", {}),
+    "sinogram_half": ("bev", {"theta_range": "half"}),
+    "polar_gram": ("polar", {"angles": None, "bins": None}),
+    "range_image": ("range", {"angles": None, "bins": None}),
+}
+_AGGREGATIONS = ("dft", "dft2", "gap", "gmp", "multi_gap")
+_SIMILARITIES = ("correlation", "l2", "cosine")
+
+#: The group that the generated settings of methods are in. Files of ``conf/method`` begin with
+#: them; nobody chooses one.
+SETTINGS = "settings"
+
+#: Groups whose options write to another key than their own.
+_PACKAGES = {"method/representation": "method", "train": "_global_", "test": "_global_"}
+
+
+def config_folder() -> Path:
+    """The packaged ``conf/``, or the checkout's where the package runs from one."""
+    package = Path(__file__).resolve().parents[1]
+    packaged = package / "conf"
+    return packaged if packaged.is_dir() else package.parents[1] / "conf"
+
+
+def register_configs() -> None:
+    """Make the schema and the generated options known to Hydra.
+
+    By the schema Hydra refuses unknown keys and wrong types.
+    """
+    from hydra.core.config_store import ConfigStore
+
+    from deepring.experiment.config import Config
+
+    store = ConfigStore.instance().store
+    store(name="schema", node=Config)
+    for group, options in _generated(config_folder()).items():
+        for name, make in options.items():
+            store(group=group, name=name, node=make(), package=_PACKAGES.get(group))
+
+
+def group_options(folder: Path) -> dict[str, list[str]]:
+    """Groups in the order of their names, each with its options, sorted."""
+    options: dict[str, set[str]] = {
+        group: set(makes) for group, makes in _generated(folder).items() if group != SETTINGS
+    }
+    for file in folder.rglob("*.yaml"):
+        group = file.parent.relative_to(folder).as_posix()
+        if group not in (".", "hydra"):
+            options.setdefault(group, set()).add(file.stem)
+    return {group: sorted(options[group]) for group in sorted(options)}
+
+
+def chosen_options(folder: Path, config: str) -> dict[str, str | None]:
+    """The groups of a primary config and what each has by default; None for nothing."""
+    return dict(_chosen(folder, folder / f"{config}.yaml"))
+
+
+def _chosen(folder: Path, file: Path) -> Iterator[tuple[str, str | None]]:
+    import yaml
+
+    group = file.parent.relative_to(folder).as_posix().removeprefix(".")
+    for entry in (yaml.safe_load(file.read_text()) or {}).get("defaults", []):
+        if isinstance(entry, str):
+            if (file.parent / f"{entry}.yaml").is_file():
+                yield from _chosen(folder, file.parent / f"{entry}.yaml")
+            continue
+        ((key, option),) = entry.items()
+        if "@" in key or key.startswith(("override ", "/")) or key == "hydra":
+            continue
+        name = f"{group}/{key}" if group else key
+        yield name, option
+        if option is not None and (folder / name / f"{option}.yaml").is_file():
+            yield from _chosen(folder, folder / name / f"{option}.yaml")
+
+
+def _generated(folder: Path) -> Mapping[str, Mapping[str, Make]]:
+    datasets = sorted(file.stem for file in (folder / "data").glob("*.yaml"))
+    return {
+        SETTINGS: {name: partial(_method, path) for name, path in _METHODS.items()},
+        "preprocessing": {"local_minimum": _preprocessing},
+        "method/representation": {
+            name: partial(_representation, *choice) for name, choice in _REPRESENTATIONS.items()
+        },
+        "method/encoder": {"unet": _encoder},
+        "method/aggregation": {name: partial(_aggregation, name) for name in _AGGREGATIONS},
+        "method/similarity": {name: partial(_similarity, name) for name in _SIMILARITIES},
+        "train": {name: partial(_dataset, "train_data", name) for name in datasets},
+        "test": {name: partial(_dataset, "test_data", name) for name in datasets},
+    }
+
+
+def _dataset(key: str, name: str) -> dict[str, Any]:
+    """A further dataset under ``train_data`` or ``test_data``."""
+    return {"defaults": [{f"/data@{key}.{name}": name}]}
+
+
+def _preprocessing() -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from deepring.rasters.preprocessing import Preprocessing
+
+    return asdict(Preprocessing())
+
+
+def _raster(settings: dict[str, Any]) -> dict[str, Any]:
+    """A raster that follows the config's preprocessing, unless it has another by default."""
+    own = settings["preprocessing"]
+    usual = {**_preprocessing(), "height": own["height"]} == own
+    return {**settings, "preprocessing": "${preprocessing}" if usual else own}
+
+
+def _method(path: str) -> dict[str, Any]:
+    """The class and the defaults of its settings, or of its arguments where it learns nothing."""
+    import inspect
+
+    from hydra.utils import get_class
+
+    from deepring.methods.network import NetworkMethod
+    from deepring.rasters import raster_settings
+
+    cls: Any = get_class(path)
+    if issubclass(cls, NetworkMethod):
+        values = cls.settings_class().to_dict()
+    else:
+        values = {name: p.default for name, p in inspect.signature(cls).parameters.items()}
+        values["raster"] = raster_settings(cls().raster)
+    return {"_target_": path, **values, "raster": _raster(values["raster"])}
+
+
+def _representation(kind: str, changes: dict[str, Any]) -> dict[str, Any]:
+    from deepring.methods.deepring import RepresentationSettings
+    from deepring.rasters import make_raster, raster_settings
+
+    return {
+        "raster": _raster(raster_settings(make_raster({"kind": kind}))),
+        "representation": RepresentationSettings(**changes).to_dict(),
+    }
+
+
+def _encoder() -> dict[str, Any]:
+    from deepring.methods.deepring import EncoderSettings
+
+    return EncoderSettings().to_dict()
+
+
+def _aggregation(kind: str) -> dict[str, Any]:
+    from deepring.methods.deepring import AggregationSettings
+
+    return AggregationSettings(kind).to_dict()
+
+
+def _similarity(kind: str) -> dict[str, Any]:
+    from deepring.methods.deepring import SimilaritySettings
+
+    return SimilaritySettings(kind).to_dict()
