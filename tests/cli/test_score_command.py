@@ -108,3 +108,17 @@ def test_mistakes_are_named(run, tmp_path):
     refused(deepring("score", tmp_path / "absent", cwd=tmp_path), "absent: no such folder")
     done = deepring("score", run[0], "--over", "most", cwd=tmp_path)
     refused(done, "--over: 'most', expected one of answerable, all")
+
+
+class Own(Ring):
+    """A user's method."""
+
+
+def test_a_method_of_ones_own_is_scored_with_its_class(tmp_path, capsys):
+    method = Own(BevRaster(cells=24), angles=24, bins=24)
+    task = road_task(method.raster)
+    evaluate_method(task.case("own"), method, task, export=tmp_path)
+    done = deepring("score", tmp_path, cwd=tmp_path)
+    refused(done, "'test_score_command.Own' is not registered", "give it as --method")
+    work_of("score", tmp_path, "--method", "test_score_command.Own")
+    assert "own" in capsys.readouterr().out

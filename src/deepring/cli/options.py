@@ -51,6 +51,16 @@ def add_network(parser: Parser) -> None:
     )
 
 
+def add_own_class(parser: Parser) -> None:
+    """``--method``, the class of a method that is not one of ours."""
+    parser.add_argument(
+        "--method",
+        dest="own_class",
+        metavar="MODULE.CLASS",
+        help="the class of a method of your own, where the file is of one",
+    )
+
+
 def add_output(parser: Parser, metavar: str, help: str, required: bool = True) -> None:
     """``-o``, the file or folder to write."""
     parser.add_argument("-o", "--output", type=Path, metavar=metavar, required=required, help=help)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 
 import torch
+from jaxtyping import Int64, Shaped
 from torch import Tensor
 
 from deepring.errors import DataError
@@ -84,7 +85,7 @@ class BlockStore:
         if self._used:
             yield self._used, self._tail[name]
 
-    def take(self, numbers: Tensor, *names: str) -> list[Tensor]:
+    def take(self, numbers: Int64[Tensor, " n"], *names: str) -> list[Shaped[Tensor, "n ..."]]:
         """Rows by their numbers (n,), in that order, of tensors whose rows come first."""
         blocks = self.blocks()
         ends = torch.tensor([_length(block) for block in blocks]).cumsum(0)
