@@ -1,5 +1,7 @@
 """`deepring score` on exported descriptors: what is printed, what is written, what is refused."""
 
+import importlib
+
 import pytest
 
 from deepring.evaluation.protocol import evaluate_method
@@ -110,15 +112,15 @@ def test_mistakes_are_named(run, tmp_path):
     refused(done, "--over: 'most', expected one of answerable, all")
 
 
-class Own(Ring):
-    """A user's method."""
-
-
-def test_a_method_of_ones_own_is_scored_with_its_class(tmp_path, capsys):
-    method = Own(BevRaster(cells=24), angles=24, bins=24)
+def test_a_method_of_ones_own_is_named_by_its_class(tmp_path, monkeypatch):
+    code = "from deepring.methods.ring import Ring\n\n\nclass Mine(Ring):\n    pass\n"
+    (tmp_path / "my_rings.py").write_text(code)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    method = importlib.import_module("my_rings").Mine(BevRaster(cells=24), angles=24, bins=24)
     task = road_task(method.raster)
-    evaluate_method(task.case("own"), method, task, export=tmp_path)
+    evaluate_method(task.case("Mine"), method, task, export=tmp_path / "descriptors")
     done = deepring("score", tmp_path, cwd=tmp_path)
-    refused(done, "'test_score_command.Own' is not registered", "give it as --method")
-    work_of("score", tmp_path, "--method", "test_score_command.Own")
-    assert "own" in capsys.readouterr().out
+    refused(done, "my_rings.Mine", "not registered", "as --method")
+    done = deepring("score", tmp_path, "--method", "my_rings.Mine", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Mine" in done.stdout

@@ -102,11 +102,13 @@ def test_other_data_needs_mix(sweep, capsys):
 def test_over_all_queries_and_a_radius_that_is_not_there(sweep, capsys):
     work_of("tables", sweep, "--over", "all")
     assert "0.425 ± 0.035" in capsys.readouterr().out
-    with pytest.raises(DeepringError, match=r"radius 5 m: .*--radius"):
+    with pytest.raises(DeepringError, match=r"radius 5 m: .*`radius`"):
         work_of("tables", sweep, "--radius", "5")
 
 
-def test_a_mistake_ends_with_status_2(tmp_path):
+def test_a_mistake_ends_with_status_2_and_names_the_flag(sweep, tmp_path):
+    done = refused(deepring("tables", sweep, "--radius", 5, cwd=tmp_path), "with --radius, or")
+    assert done.returncode == 2
     done = refused(deepring("tables", "absent", cwd=tmp_path), "absent: no such folder")
     assert done.returncode == 2
 
@@ -203,12 +205,12 @@ def test_without_retrievals_there_is_no_figure_and_a_missing_one_is_named(tmp_pa
 def test_compared_over_all_queries_at_a_radius_and_mixed(comparison, capsys):
     work_of("tables", comparison, "--over", "all")
     assert "0.325 ± 0.035" in capsys.readouterr().out
-    with pytest.raises(DeepringError, match=r"radius 5 m: .*--radius"):
+    with pytest.raises(DeepringError, match=r"radius 5 m: .*`radius`"):
         work_of("tables", comparison, "--radius", "5")
     path = comparison / "ring-0" / "config.yaml"
     config = json.loads(path.read_text())
     path.write_text(json.dumps(config | {"preprocessing": {"window": 7}}))
-    message = r"preprocessing\.window: None in .*/disco-.*, 7 in .*/ring-0.*--mix"
+    message = r"preprocessing\.window: None in .*/disco-.*, 7 in .*/ring-0.*`mix`"
     with pytest.raises(DeepringError, match=message):
         work_of("tables", comparison)
     work_of("tables", comparison, "--mix")

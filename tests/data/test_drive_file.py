@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from deepring.data.readers.custom import open_custom
-from deepring.data.readers.custom.drive_file import DriveSchema, is_drive_file, read_drives
+from deepring.data.readers.custom.drive_file import DriveDescription, is_drive_file, read_drives
 from deepring.errors import DeepringError
 
 LEAST = {"scans": "scans", "poses": "poses.txt", "sensor_height": 1.5}
@@ -181,7 +181,7 @@ values = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
     max_leaves=6,
 )
-keys = st.sampled_from(["name", "drives", "other", *(key.name for key in fields(DriveSchema))])
+keys = st.sampled_from(["name", "drives", "other", *(key.name for key in fields(DriveDescription))])
 
 
 @SAME_FOLDER

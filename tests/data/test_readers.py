@@ -1,3 +1,4 @@
+import importlib.metadata
 import re
 import struct
 import subprocess
@@ -118,7 +119,7 @@ def test_a_reader_from_outside_is_taken_as_any_other(tmp_path, monkeypatch):
 
 def test_a_reader_of_an_installed_package_is_found_by_its_entry_point(monkeypatch):
     entry = SimpleNamespace(name="theirs", load=lambda: replace(reader_of("kitti"), name="theirs"))
-    monkeypatch.setattr(readers, "entry_points", lambda **_: [entry])
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda **_: [entry])
     readers._entry_points.cache_clear()
     try:
         assert "theirs" in reader_names()

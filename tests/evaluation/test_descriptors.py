@@ -15,7 +15,7 @@ from safetensors.numpy import load_file, save_file
 from deepring.errors import DeepringError, FileError
 from deepring.evaluation.case import Case
 from deepring.evaluation.descriptors import (
-    Descriptors,
+    DescriptorSet,
     file_name,
     free_path,
     read_descriptors,
@@ -43,11 +43,11 @@ def example(n=4, **changes):
         "ground_z": -1.9,
         "seconds_per_scan": 0.004,
     }
-    return Descriptors(**{**values, **changes})
+    return DescriptorSet(**{**values, **changes})
 
 
 def assert_same(ours, theirs):
-    for field in fields(Descriptors):
+    for field in fields(DescriptorSet):
         a, b = (getattr(one, field.name) for one in (ours, theirs))
         if isinstance(a, np.ndarray):
             assert a.dtype == b.dtype
@@ -82,7 +82,7 @@ def any_descriptors(draw):
     rest = draw(st.lists(st.integers(1, 3), max_size=3))
     width32 = st.floats(width=32, allow_nan=False, allow_infinity=False)
     turned = draw(st.booleans())
-    return Descriptors(
+    return DescriptorSet(
         descriptors=draw(arrays.arrays(np.float32, (n, *rest), elements=width32)),
         positions=draw(arrays.arrays(np.float64, (n, 2), elements=finite)),
         indices=draw(arrays.arrays(np.int64, n)),
@@ -152,8 +152,8 @@ def test_a_path_that_cannot_be_written_is_refused(tmp_path):
         ({"turns": np.zeros(2)}, r"tensor turns: .* of shape \(2,\), expected .* n = 4"),
         ({"positions": np.full((4, 2), np.inf)}, "query: positions: 8 of 8 values are not finite"),
         ({"turns": np.array([0, 0, np.nan, 0])}, "turns: 1 of 4 values are not finite"),
-        ({"made_by": {"raster": BevRaster}}, "made_by: .*; expected plain values"),
-        ({"made_by": ["ring"]}, r"made_by \['ring'\]: expected a dict"),
+        ({"made_by": {"raster": BevRaster}}, "made_by: .*, expected plain values"),
+        ({"made_by": ["ring"]}, r"made_by: \['ring'\], expected a dict"),
     ],
 )
 def test_what_cannot_be_descriptors_is_named(changes, message):

@@ -8,7 +8,8 @@ from deepring.evaluation.counting import Seconds, count
 from deepring.evaluation.protocol import evaluate_method
 from deepring.evaluation.reranked import evaluate_reranked, planar_poses
 from deepring.evaluation.task import rows_of
-from deepring.localization.candidates import RerankSettings, align_candidates, by_location, by_pose
+from deepring.localization.candidates import RerankSettings, align_candidates, by_pose
+from deepring.localization.location import best_fit
 from deepring.methods.ring import Ring
 from deepring.rasters import BevRaster
 from helpers.drives import PLACES, QUERIES, road_task
@@ -30,11 +31,11 @@ def made():
 
 
 def aligned(task, alone, q):
-    """The candidates of query ``q``, aligned once more."""
+    """The candidates of query ``q``, and their alignment made once more."""
     place = torch.from_numpy(alone.matches.place[q, : SETTINGS.candidates])
     turn = torch.from_numpy(alone.matches.turn[q, : SETTINGS.candidates])
     maps = task.database[place.numpy()]
-    return align_candidates(task.query[q : q + 1][0], place, turn, maps, SETTINGS)
+    return place, align_candidates(task.query[q : q + 1][0], turn, maps, SETTINGS)
 
 
 def test_by_pose_the_candidates_are_put_in_another_order(made):
@@ -44,10 +45,10 @@ def test_by_pose_the_candidates_are_put_in_another_order(made):
     assert np.array_equal(np.sort(ours.place), np.sort(theirs.place[:, : SETTINGS.candidates]))
     assert not np.array_equal(ours.place, theirs.place[:, : SETTINGS.candidates])
     for q in range(0, QUERIES, 9):
-        candidates = aligned(task, alone, q)
-        order = by_pose(candidates, SETTINGS)
-        assert ours.place[q].tolist() == candidates.place[order].tolist()
-        assert ours.score[q, 0] == pytest.approx(float(candidates.aligned.score[order[0]]))
+        places, alignment = aligned(task, alone, q)
+        order = by_pose(alignment, SETTINGS)
+        assert ours.place[q].tolist() == places[order].tolist()
+        assert ours.score[q, 0] == pytest.approx(float(alignment.score[order[0]]))
 
 
 def test_by_location_all_places_are_ranked_by_their_distance_to_the_position(made):
@@ -56,11 +57,11 @@ def test_by_location_all_places_are_ranked_by_their_distance_to_the_position(mad
     assert ours.place.shape == (QUERIES, 5)
     poses = planar_poses(database)
     for q in range(0, QUERIES, 9):
-        candidates = aligned(task, alone, q)
-        located = by_location(candidates, poses[candidates.place], SETTINGS)
-        away = np.linalg.norm(database.positions - located.position.numpy(), axis=1)
+        places, alignment = aligned(task, alone, q)
+        best = best_fit(alignment, poses[places], SETTINGS)
+        away = np.linalg.norm(database.positions - best.position.numpy(), axis=1)
         assert ours.place[q].tolist() == np.argsort(away, kind="stable")[:5].tolist()
-        assert ours.score[q, 0] == pytest.approx(located.fit)
+        assert ours.score[q, 0] == pytest.approx(best.fit)
 
 
 def test_distances_are_those_of_the_places_in_their_new_order(made):

@@ -2,19 +2,19 @@
 
 import pytest
 import torch
-from test_methods import DATA, TINY
 
 from deepring.experiment.status import read_status
 from deepring.experiment.train import train
 from deepring.training.batch_hard import ScanBatchSet
 from deepring.training.tuples import TupleSet
+from helpers.small_training import TINY_DATA, TINY_METHODS
 
 
 @pytest.fixture
 def run(composed, tiny_nclt, tmp_path):
     def trained(name, method, epochs, *overrides):
         cfg = composed(
-            *(f"data.root={tiny_nclt}", f"method={method}", *TINY[method], *DATA),
+            *(f"data.root={tiny_nclt}", f"method={method}", *TINY_METHODS[method], *TINY_DATA),
             *(f"trainer.max_epochs={epochs}", "trainer.log_every_n_steps=1"),
             *("callbacks.progress=null", "evaluate=false", f"paths.run={tmp_path / name}"),
             *overrides,

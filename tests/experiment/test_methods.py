@@ -3,7 +3,6 @@
 import pytest
 from hydra.errors import ConfigCompositionException
 from omegaconf import OmegaConf
-from test_train import SMALL
 
 from deepring.errors import DeepringError
 from deepring.experiment import build
@@ -12,41 +11,15 @@ from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.record import record_of
 from deepring.experiment.train import train
 from deepring.methods.checkpoint import load_network
+from helpers.small_training import SMALL, TINY_DATA, TINY_METHODS
 
 METHODS = sorted(path.stem for path in (config_folder() / "method").glob("*.yaml"))
 FIXED = ("ring", "ring_plus_plus", "scan_context", "scan_context_120")
 LEARNED = [name for name in METHODS if name not in FIXED]
-DATA = SMALL[3:]
-
-#: The tiny streets hold few scans: small batches, and other places from 20 m on.
-TINY = {
-    "deepring": ["method/encoder=unet_small", *SMALL[:3]],
-    "pointnetvlad": [
-        *("method.raster.count=64", "method.second=[8,8]", "method.clusters=2"),
-        *("sampling.negatives=2", "sampling.hard=1", "sampling.hard_from=0"),
-        *("sampling.negative_radius=20", "sampling.per_epoch=2"),
-    ],
-    "disco": [
-        "sampling.positive_radius=10",
-        *("method.widths=[2,2]", "sampling.negatives=2", "sampling.hard=1", "sampling.hard_from=0"),
-        *("sampling.negative_radius=20", "sampling.per_epoch=2"),
-    ],
-    "egonn": [
-        *("method.raster.degrees=6", "method.raster.ring=2", "method.raster.height=2"),
-        *("method.raster.max_voxels=200", "method.widths=[2,2]", "method.global_levels=[2]"),
-        *(
-            "sampling.size=4",
-            "sampling.limit=6",
-            "sampling.per_epoch=2",
-            "sampling.positive_radius=10",
-        ),
-        *("sampling.negative_radius=20",),
-    ],
-}
 
 
 def tiny(method):
-    return TINY[method.removesuffix("_small")]
+    return TINY_METHODS[method.removesuffix("_small")]
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -69,7 +42,7 @@ def test_each_learned_method_trains_and_its_checkpoint_knows_it(
     method, composed, tiny_nclt, tmp_path
 ):
     cfg = composed(
-        *(f"data.root={tiny_nclt}", f"method={method}", *tiny(method), *DATA),
+        *(f"data.root={tiny_nclt}", f"method={method}", *tiny(method), *TINY_DATA),
         *(
             "trainer.max_epochs=1",
             "trainer.log_every_n_steps=1",
@@ -91,7 +64,7 @@ def disco_run(compose_in, tiny_nclt, tmp_path_factory):
     outputs = tmp_path_factory.mktemp("disco")
     cfg = compose_in(
         outputs,
-        *(f"data.root={tiny_nclt}", "method=disco", *TINY["disco"], *DATA),
+        *(f"data.root={tiny_nclt}", "method=disco", *TINY_METHODS["disco"], *TINY_DATA),
         *(
             "trainer.max_epochs=1",
             "trainer.log_every_n_steps=1",
@@ -110,7 +83,7 @@ def test_a_checkpoint_of_one_method_is_not_loaded_as_another(asked, disco_run, c
 
 
 def test_without_a_method_the_checkpoints_is_taken(disco_run, composed, tiny_nclt):
-    cfg = composed(f"data.root={tiny_nclt}", *DATA, name="evaluate")
+    cfg = composed(f"data.root={tiny_nclt}", *TINY_DATA, name="evaluate")
     plan = plan_evaluation(cfg, disco_run.checkpoint)
     assert plan.network.settings.label == "DiSCO"
     assert plan.record["method"] == {

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 from hydra import compose, initialize_config_dir
-from test_train import SMALL
 
 from deepring.errors import FileError
 from deepring.experiment.config import check_config
 from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.train import train
 from deepring.methods.checkpoint import load_network
+from helpers.small_training import TINY_DATA
 
 PAGE = Path(__file__).parents[2] / "docs" / "comparison.md"
 
@@ -33,7 +33,7 @@ def test_the_docs_method_trains_from_its_file_and_its_config(tiny_nclt, tmp_path
             "train",
             [
                 *("method=mine", "sampling.size=4", "sampling.limit=4", "sampling.per_epoch=2"),
-                *(f"data.root={tiny_nclt}", *SMALL[3:], f"paths.outputs={tmp_path}"),
+                *(f"data.root={tiny_nclt}", *TINY_DATA, f"paths.outputs={tmp_path}"),
                 *(f"paths.run={tmp_path / 'run'}", "evaluation.figures=false"),
                 *("trainer.max_epochs=1", "trainer.log_every_n_steps=1", "callbacks.progress=null"),
             ],

@@ -8,13 +8,12 @@ from pathlib import Path
 import pytest
 import torch
 from hydra import compose, initialize_config_dir
-from test_train import SMALL
 
-from deepring.cli.train_commands import config_folder
 from deepring.errors import ConfigError
 from deepring.experiment.config import check_config
-from deepring.experiment.config_groups import register_configs
+from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.train import train
+from helpers.small_training import TINY_DATA
 
 PAGE = Path(__file__).parents[2] / "docs" / "comparison.md"
 
@@ -41,7 +40,7 @@ def trained(tiny_nclt, tmp_path, monkeypatch):
                 [
                     *("sampling=pairs", "loss=info_nce", "sampling.pairs=4"),
                     *("sampling.per_epoch=3", "encoder=unet_small", f"data.root={tiny_nclt}"),
-                    *(*SMALL[3:], f"paths.outputs={tmp_path}", f"paths.run={folder}"),
+                    *(*TINY_DATA, f"paths.outputs={tmp_path}", f"paths.run={folder}"),
                     *(f"trainer.max_epochs={epochs}", "trainer.log_every_n_steps=1"),
                     *("callbacks.progress=null", "evaluate=false", *overrides),
                 ],

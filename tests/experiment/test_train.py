@@ -15,17 +15,9 @@ from deepring.experiment.evaluate import evaluate
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.train import train
 from deepring.methods.checkpoint import load_network
+from helpers.small_training import SMALL, TINY_DATA
 
 EXPERIMENTS = sorted(path.stem for path in (config_folder() / "experiment").glob("*.yaml"))
-#: The tiny streets are 50 m wide: a narrow validation split, few ways.
-SMALL = (
-    "sampling.ways=2",
-    "sampling.queries=1",
-    "sampling.per_epoch=2",
-    "data.spacing.train=1",
-    "data.regions.validation_share=0.3",
-    "data.regions.margin=1",
-)
 
 #: How each experiment is pointed at small data; the fixtures' folders are filled in.
 POINTED = {
@@ -240,7 +232,7 @@ def test_an_evaluation_records_the_checkpoints_model(small_run, composed, tiny_n
 def test_evaluating_where_it_was_trained_is_said(
     region, warned, small_run, composed, tiny_nclt, caplog
 ):
-    options = [f"data.root={tiny_nclt}", *SMALL[3:], f"evaluation.regions=[{region}]"]
+    options = [f"data.root={tiny_nclt}", *TINY_DATA, f"evaluation.regions=[{region}]"]
     plan_evaluation(composed(*options, name="evaluate"), small_run[1].checkpoint)
     assert ("how well it remembers" in caplog.text) == warned
 

@@ -12,21 +12,16 @@ from pathlib import Path
 
 from deepring import progress
 from deepring.cli.main import main, parse, run
+from helpers.small_training import EPISODES, TINY_DATA
 
 #: The installed command.
 DEEPRING = str(Path(sys.executable).with_name("deepring"))
 
-#: A short training on the tiny streets.
-SMALL = [
-    "sampling.ways=2",
-    "sampling.queries=1",
-    "sampling.per_epoch=1",
-    "trainer.max_epochs=1",
-    "trainer.log_every_n_steps=1",
-    "data.spacing.train=1",
-    "data.regions.validation_share=0.3",
-    "data.regions.margin=1",
-]
+#: A training of one episode on the tiny streets.
+SMALL = (
+    *(*EPISODES, *TINY_DATA, "sampling.per_epoch=1"),
+    *("trainer.max_epochs=1", "trainer.log_every_n_steps=1"),
+)
 
 Done = subprocess.CompletedProcess
 

@@ -398,10 +398,10 @@ def test_a_file_that_is_open_can_be_replaced(box):
 
 def test_errors_about_contents_name_the_file(box):
     opened = open_sealed(box, FORMAT)
-    for error in (ConfigError("scale: 0.5"), DataError("scale: 0.5")):
+    for error in (ConfigError("scale: 0.5"), DataError("scale: 0.5"), FileError("scale: 0.5")):
         message = rf"^box {box}: scale: 0\.5; pack it again$"
         with pytest.raises(FileError, match=message), opened.contents():
             raise error
-    for error in (FileError("another file"), ZeroDivisionError("no error of ours")):
+    for error in (FileError(f"box {box}: named"), ZeroDivisionError("no error of ours")):
         with pytest.raises(type(error), match=f"^{error}$"), opened.contents():
             raise error

@@ -174,7 +174,7 @@ def test_the_same_row_and_seed_twice_is_refused_naming_both_unless_they_agree():
 )
 def test_other_data_or_protocol_is_refused_naming_key_values_and_folders(changes, message):
     runs = [run(folder="one"), run(changes=GAP | changes, folder="two")]
-    with pytest.raises(DeepringError, match=rf"^{message}.*--mix"):
+    with pytest.raises(DeepringError, match=rf"^{message}.*`mix`"):
         collect_rows(runs)
 
 

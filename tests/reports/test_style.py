@@ -36,7 +36,7 @@ def test_a_failed_save_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatc
 
     def half(target, **_):
         target.write_bytes(b"half")
-        raise OSError("disk full")
+        raise OSError(28, "disk full")
 
     monkeypatch.setattr(figure, "savefig", half)
     with pytest.raises(DeepringError, match="disk full"):

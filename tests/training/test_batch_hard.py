@@ -5,10 +5,10 @@ import itertools
 import numpy as np
 import pytest
 import torch
-from test_tuples import some_scans
 
 from deepring.errors import DeepringError
 from deepring.training.batch_hard import BatchHardScheme, BatchHardTriplet
+from helpers.training_scans import some_scans
 
 SETTINGS = BatchHardScheme(
     size=8, limit=20, positive_radius=3.0, negative_radius=20.0, turned=False

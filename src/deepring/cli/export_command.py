@@ -22,7 +22,7 @@ def _export_weights(args: argparse.Namespace) -> None:
     from deepring.methods.checkpoint import load_network
     from deepring.methods.network_file import write_network
 
-    write_network(args.output, load_network(args.checkpoint, args.own_class))
+    write_network(args.output, load_network(args.checkpoint, args.method))
     console.print(f"written      {args.output}", markup=False)
 
 
@@ -30,7 +30,7 @@ def _export_onnx(args: argparse.Namespace) -> None:
     from deepring.methods.checkpoint import load_network
     from deepring.methods.onnx_file import export_onnx
 
-    network = load_network(args.checkpoint, args.own_class).method
+    network = load_network(args.checkpoint, args.method).method
     export_onnx(network, args.output)
     shape = ", ".join(str(length) for length in network.raster.shape)
     console.print(f"written      {args.output}", markup=False)

@@ -51,13 +51,12 @@ def add_network(parser: Parser) -> None:
     )
 
 
-def add_own_class(parser: Parser) -> None:
-    """``--method``, the class of a method that is not one of ours."""
+def add_method(parser: Parser) -> None:
+    """``--method``, the class of a method that is not registered."""
     parser.add_argument(
         "--method",
-        dest="own_class",
         metavar="MODULE.CLASS",
-        help="the class of a method of your own, where the file is of one",
+        help="the class, where the file is of a method of your own",
     )
 
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from deepring.cli.options import add_drive, add_ground, add_network, add_output, add_own_class
+from deepring.cli.options import add_drive, add_ground, add_method, add_network, add_output
 from deepring.cli.parser import Names, Parser, number, subcommands, whole
 
 BINARY_FORMATS = "deepring.data.readers:binary_formats"
@@ -136,6 +136,6 @@ def add_loops(parser: Parser) -> None:
 def add_export(parser: Parser) -> None:
     """``deepring export CHECKPOINT -o FILE``."""
     parser.add_argument("checkpoint", metavar="CHECKPOINT", help="a .ckpt, or 'shipped'")
-    add_own_class(parser)
+    add_method(parser)
     add_output(parser, "FILE", "the new file, .onnx or .safetensors")
-    parser.runs("deepring.cli.export_command:export_command")
+    parser.runs("deepring.cli.export_command:export_command", own_class="--method")

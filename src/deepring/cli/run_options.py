@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from textwrap import wrap
 
-from deepring.cli.options import add_output, add_own_class
+from deepring.cli.options import add_method, add_output
 from deepring.cli.parser import Parser, number, whole
 
 #: Revisit radii in metres that `score` counts at, the headline first.
@@ -90,9 +90,9 @@ def add_score(parser: Parser) -> None:
         help="revisit radii in metres, the headline first (%(default)s)",
     )
     _add_over(parser)
-    add_own_class(parser)
+    add_method(parser)
     add_output(parser, "FILE", "also write the results as CSV", required=False)
-    parser.runs("deepring.cli.score_command:score_command")
+    parser.runs("deepring.cli.score_command:score_command", own_class="--method")
 
 
 def add_tables(parser: Parser) -> None:

@@ -58,7 +58,7 @@ class DescriptorHeader:
 
 
 @dataclass(frozen=True, eq=False)
-class Descriptors(DescriptorHeader):
+class DescriptorSet(DescriptorHeader):
     """The descriptors of one side of a retrieval set, n of them, and all that is known of them.
 
     Raises ConfigError for a header that a file or a row of results cannot hold, and DataError for
@@ -150,7 +150,7 @@ def free_path(folder: Path, case: Case, side: SideName) -> Path:
     return path
 
 
-def write_descriptors(path: str | Path, descriptors: Descriptors) -> None:
+def write_descriptors(path: str | Path, descriptors: DescriptorSet) -> None:
     """Write a descriptor file in one step, creating folders as needed.
 
     Raises FileError where the file cannot be written.
@@ -160,15 +160,15 @@ def write_descriptors(path: str | Path, descriptors: Descriptors) -> None:
     write_sealed(path, FORMAT, header, {k: torch.from_numpy(a) for k, a in writable.items()})
 
 
-def read_descriptors(path: str | Path) -> Descriptors:
+def read_descriptors(path: str | Path) -> DescriptorSet:
     """Read what `write_descriptors` wrote, every byte verified.
 
-    Raises FileError for anything else, and for contents that `Descriptors` refuses.
+    Raises FileError for anything else, and for contents that `DescriptorSet` refuses.
     """
     file = open_sealed(path, FORMAT, check=True)
     arrays: dict[str, Any] = {name: tensor.numpy().copy() for name, tensor in file.tensors.items()}
     with file.contents():
-        return Descriptors(**vars(file.header), **arrays)
+        return DescriptorSet(**vars(file.header), **arrays)
 
 
 _HEADER_FIELDS = fields(DescriptorHeader)

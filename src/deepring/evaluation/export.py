@@ -8,7 +8,7 @@ from torch import Tensor
 from deepring.data.scan_set import ScanSet
 from deepring.evaluation.case import Case
 from deepring.evaluation.descriptors import (
-    Descriptors,
+    DescriptorSet,
     SideName,
     free_path,
     write_descriptors,
@@ -28,7 +28,7 @@ class Export:
         self.case = case
         self.made_by = fingerprint(method)
         self.paths = {side: free_path(folder, case, side) for side in get_args(SideName)}
-        self.sides: list[Descriptors] = []
+        self.sides: list[DescriptorSet] = []
 
     def add(self, side: SideName, scans: ScanSet, descriptors: Tensor, per_scan: float) -> None:
         """Take the descriptors (n, ...) of a side.
@@ -38,7 +38,7 @@ class Export:
         Raises DataError for descriptors that a file cannot hold.
         """
         self.sides.append(
-            Descriptors(
+            DescriptorSet(
                 descriptors=descriptors.detach().cpu().numpy(),
                 positions=scans.positions,
                 indices=scans.indices,

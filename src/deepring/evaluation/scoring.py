@@ -10,7 +10,7 @@ from torch import Tensor
 
 from deepring.errors import DataError, FileError
 from deepring.evaluation.counting import Seconds, count
-from deepring.evaluation.descriptors import ENDING, Descriptors, read_descriptors
+from deepring.evaluation.descriptors import ENDING, DescriptorSet, read_descriptors
 from deepring.evaluation.distances import nearest_distances
 from deepring.evaluation.fingerprint import fingerprint, first_difference
 from deepring.evaluation.look_up import fill_index, look_up
@@ -25,8 +25,8 @@ FOLDER = "descriptors"
 
 def score_descriptors(
     method: Method,
-    query: Descriptors,
-    database: Descriptors,
+    query: DescriptorSet,
+    database: DescriptorSet,
     radii: Sequence[float] = RADII,
     device: torch.device | None = None,
     progress: Progress | None = None,
@@ -123,7 +123,7 @@ def score_pair(
 
 
 def _batches(
-    side: Descriptors, device: torch.device | None, progress: Progress | None = None
+    side: DescriptorSet, device: torch.device | None, progress: Progress | None = None
 ) -> Iterator[Tensor]:
     """The descriptors of a side as the evaluation looks them up."""
     # A copy in torch's own memory: on other alignments sums come out otherwise in the last digit.
@@ -134,7 +134,7 @@ def _batches(
             progress(min(start + BATCH, len(side)), len(side))
 
 
-def _check_pair(query: Descriptors, database: Descriptors) -> None:
+def _check_pair(query: DescriptorSet, database: DescriptorSet) -> None:
     """That one and the same thing made both, for the same region."""
     for side, descriptors in (("query", query), ("database", database)):
         if descriptors.side != side:
@@ -156,7 +156,7 @@ def _check_pair(query: Descriptors, database: Descriptors) -> None:
         )
 
 
-def _check_method(method: Method, descriptors: Descriptors) -> None:
+def _check_method(method: Method, descriptors: DescriptorSet) -> None:
     """That the method made the descriptors, by its fingerprint.
 
     Rasters are not drawn again, so that another version of them does no harm; weights count where
@@ -178,5 +178,5 @@ def _check_method(method: Method, descriptors: Descriptors) -> None:
         )
 
 
-def _named(descriptors: Descriptors) -> str:
+def _named(descriptors: DescriptorSet) -> str:
     return f"descriptors of {descriptors.method} on {descriptors.test}, {descriptors.region}"

@@ -78,7 +78,7 @@ class Sealed(Generic[H]):
     def contents(self) -> Iterator[None]:
         """Errors about the file's contents, raised where these are used, name the file.
 
-        Any DeepringError but a FileError, which names its file already, becomes a FileError.
+        Any DeepringError becomes a FileError; a FileError that names the file stays as it is.
         """
         with _named(self.path, self.format, self.format.remedy):
             yield
@@ -239,9 +239,9 @@ def _stated(path: Path, format: SealedFormat[Any], text: str) -> Any:
 def _named(path: Path, format: SealedFormat[Any], remedy: str) -> Iterator[None]:
     try:
         yield
-    except FileError:
-        raise
     except DeepringError as error:
+        if isinstance(error, FileError) and str(path) in str(error):
+            raise
         raise FileError(f"{format.kind} {path}: {error}; {remedy}") from error
 
 

@@ -111,7 +111,7 @@ def collect(
         raise DeepringError(
             f"{clash}; expected runs on the same data under the same protocol, those of one "
             "method with the same settings, since they are compared with each other; give runs "
-            "that agree, or --mix to see them side by side"
+            "that agree, or `mix` to see them side by side"
         )
     notes = about_commits(runs)
     if clash:
@@ -134,7 +134,7 @@ def _parts(run: Run, radius: float) -> Iterator[_Part]:
             known = ", ".join(f"{r:g}" for r in sorted({result.radius_m for result in results}))
             raise DeepringError(
                 f"radius {radius:g} m: no result of {case} in {run.folder}; radii evaluated "
-                f"there: {known}; choose one of them with --radius, or evaluate at this radius "
+                f"there: {known}; choose one of them with `radius`, or evaluate at this radius "
                 "(evaluation.radii)"
             )
         for result in found:

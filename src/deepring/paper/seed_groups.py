@@ -186,7 +186,7 @@ def _result(run: Run, radius: float) -> Result:
     known = ", ".join(f"{r:g}" for r in sorted({result.radius_m for result in own})) or "none"
     raise DeepringError(
         f"radius {radius:g} m: {len(found)} results of {TRAINED} in {run.folder}; expected one; "
-        f"radii evaluated there: {known}; choose one of them with --radius, or evaluate at this "
+        f"radii evaluated there: {known}; choose one of them with `radius`, or evaluate at this "
         "radius (evaluation.radii)"
     )
 
@@ -226,7 +226,7 @@ def _refuse_mixture(parts: Sequence[_Part]) -> None:
     if clash:
         raise DeepringError(
             f"{clash}; expected runs on the same data under the same protocol, since rows are "
-            "compared with each other; give runs that agree, or --mix to see them side by side"
+            "compared with each other; give runs that agree, or `mix` to see them side by side"
         )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.rasters.base import Raster
-from deepring.rasters.preprocessing import Preprocessing, coordinates, expect_points
+from deepring.rasters.preprocessing import Preprocessing, contiguous_points, coordinates
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def scan_to_bev(
     """
     from deepring.rasters import _bev_kernels
 
-    flat = coordinates(expect_points(points))
+    flat = coordinates(contiguous_points(points))
     low, high = (height + ground_z for height in preprocessing.height)
     box = preprocessing.extent
     image = np.zeros(cells * cells + 1, dtype=np.uint8)  # the last cell is for all other points

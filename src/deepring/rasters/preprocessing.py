@@ -54,7 +54,7 @@ class Preprocessing:
         from deepring.rasters import _bev_kernels as _kernels
 
         low, high = (height + ground_z for height in self.height)
-        points = expect_points(points)
+        points = contiguous_points(points)
         kept = np.empty((len(points) + 1, 3), dtype=np.float32)
         if self.clearance is None:
             count = _kernels.in_box(points, self.extent, low, high, kept)
@@ -89,7 +89,7 @@ def coordinates(points: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.ascontiguousarray(points[:, :3]).reshape(-1)
 
 
-def expect_points(points: NDArray[np.float32]) -> NDArray[np.float32]:
+def contiguous_points(points: NDArray[np.float32]) -> NDArray[np.float32]:
     """The points as contiguous float32. Raises DataError unless they are (n, 3) or wider."""
     if points.ndim != 2 or points.shape[1] < 3:
         raise DataError(f"points: shape {points.shape}, expected (n, 3)")

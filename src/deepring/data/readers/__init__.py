@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from fnmatch import fnmatch
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -147,6 +146,8 @@ def _own_modules() -> tuple[str, ...]:
 
 @cache
 def _entry_points() -> dict[str, Any]:
+    from importlib.metadata import entry_points
+
     return {entry.name: entry for entry in entry_points(group=ENTRY_POINTS)}
 
 

@@ -1,8 +1,8 @@
 """The YAML file that describes custom drives: read, checked, and refused with a reason."""
 
 import math
-from collections.abc import Callable, Collection
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from reprlib import Repr
 from typing import Any
@@ -18,9 +18,6 @@ from deepring.data.readers.custom.custom_scans import UP, Band
 from deepring.data.readers.kitti import read_calibration
 from deepring.errors import ConfigError, FileError
 
-#: OmegaConf's mark of a value that must be given.
-MISSING = "???"
-
 ENDINGS = (".yaml", ".yml")
 POSE_FORMATS = ("kitti", "tum")
 #: Besides an axis: the poses' world is the body's first frame; take the sensor's for it.
@@ -31,44 +28,12 @@ _SHORT = Repr()  # values go into one line, however large or deep they are
 _SHORT.maxstring = _SHORT.maxother = 80
 
 
-@dataclass
-class DriveSchema:
-    """The keys of one drive, their types and defaults, as OmegaConf checks them."""
-
-    scans: str = MISSING
-    format: str | None = None
-    poses: str = MISSING
-    pose_format: str = "kitti"
-    sensor_in_body: Any = None
-    up: str = "z"
-    world_up: str = "z"
-    sensor_height: float = MISSING  # type: ignore[assignment]
-    z_band: list[float] | None = None
-    azimuth: list[float] | None = None
-    range: list[float] | None = None
-
-
-_KEYS = {key.name: key for key in fields(DriveSchema)}
-_EXPECTED = {
-    "scans": "the folder of the scans, as text; put numbers into quotes",
-    "format": "what .bin files hold: one of {formats}",
-    "poses": "the file of their poses, as text; put numbers into quotes",
-    "pose_format": f"one of {', '.join(POSE_FORMATS)}",
-    "sensor_in_body": "12 numbers (3x4, row by row), a 4x4 matrix, or the path of a calib.txt with "
-    "'Tr:'; a rotation and a shift in metres",
-    "up": f"one of {', '.join(UP)}",
-    "world_up": f"one of {', '.join((*UP, SENSOR_WORLD))}",
-    "sensor_height": "metres of the sensor above the ground, more than 0 (0.01 where z is 0 on the "
-    "ground)",
-    "z_band": "[LOW, HIGH] in metres above the ground, LOW < HIGH",
-    "azimuth": "[LOW, HIGH] in degrees, LOW < HIGH, at most 360 wide, such as [90, 270] across 180",
-    "range": "[LOW, HIGH] in metres from the sensor, at least 0, LOW < HIGH",
-}
-
-
 @dataclass(frozen=True, eq=False)
 class DriveDescription:
-    """One drive as its file describes it; folders and files are not looked into yet."""
+    """One drive as its file describes it; folders and files are not looked into yet.
+
+    The fields behind ``name`` are the file's keys, whose types OmegaConf checks.
+    """
 
     file: Path
     name: str
@@ -77,26 +42,12 @@ class DriveDescription:
     sensor_height: float  # metres above the ground
     format: str | None = None  # what .bin files hold
     pose_format: str = "kitti"
-    sensor_in_body: NDArray[np.float64] | None = None  # (4, 4); None is the identity
+    sensor_in_body: Any = None  # (4, 4) float64; None is the identity
     up: str = "z"
     world_up: str = "z"
     z_band: Band | None = None  # metres above the ground
     azimuth: Band | None = None  # degrees
     range: Band | None = None  # metres
-
-
-@dataclass(frozen=True)
-class _Entry:
-    """One value and where it stands, for the error that it may deserve."""
-
-    file: Path
-    key: str
-    value: Any
-
-    def error(self, expected: str) -> ConfigError:
-        return ConfigError(
-            f"{self.file}: {self.key}: {_SHORT.repr(self.value)}; expected {expected}"
-        )
 
 
 def is_drive_file(root: Path | str) -> bool:
@@ -112,20 +63,19 @@ def read_drives(path: Path | str) -> dict[str, DriveDescription]:
     kind.
     """
     file = Path(path).expanduser().absolute()
-    content = _mapping(_Entry(file, "the file", _loaded(file)))
+    content = _mapping(file, "the file", _loaded(file))
     if _DRIVES not in content:
         name = content.pop(_NAME, None)
-        name = file.stem if name is None else _text(_Entry(file, _NAME, name))
+        name = file.stem if name is None else _text(file, _NAME, name)
         return {name: _drive(file, name, content, "")}
-    shared = {key: value for key, value in content.items() if key != _DRIVES}
-    entries = _mapping(_Entry(file, _DRIVES, content[_DRIVES]))
+    entries = _mapping(file, _DRIVES, content.pop(_DRIVES))
     if not entries:
-        raise _Entry(file, _DRIVES, entries).error("at least one drive, NAME: {KEY: VALUE, ...}")
+        raise _refusal(file, _DRIVES, entries, "at least one drive, NAME: {KEY: VALUE, ...}")
     drives = {}
     for name, values in entries.items():
-        where = f"{_DRIVES}.{_text(_Entry(file, f'{_DRIVES}, a name', name))}"
-        of_drive = _mapping(_Entry(file, where, {} if values is None else values))
-        drives[name] = _drive(file, name, shared | of_drive, f"{where}.")
+        where = f"{_DRIVES}.{_text(file, f'{_DRIVES}, a name', name)}"
+        of_drive = _mapping(file, where, {} if values is None else values)
+        drives[name] = _drive(file, name, content | of_drive, f"{where}.")
     return drives
 
 
@@ -147,62 +97,63 @@ def _drive(file: Path, name: str, values: dict[Any, Any], prefix: str) -> DriveD
     """A drive of checked values; ``prefix`` leads to its keys in messages."""
     for key in values:
         if key not in _KEYS:
+            shown = key if isinstance(key, str) and len(key) < 80 else _SHORT.repr(key)
             raise ConfigError(
-                f"{file}: {prefix}{_shown(key)}: no known key; expected "
-                f"{', '.join(_KEYS)}, and at the top {_NAME} or {_DRIVES}"
+                f"{file}: {prefix}{shown}: no known key; expected {', '.join(_KEYS)}, and at the "
+                f"top {_NAME} or {_DRIVES}"
             )
-    for key, of_schema in _KEYS.items():
-        if of_schema.default == MISSING and key not in values:
-            raise ConfigError(f"{file}: {prefix}{key}: missing; expected {_EXPECTED[key]}: add it")
+    required = [
+        f.name for f in fields(DriveDescription) if f.default is MISSING and f.name in _KEYS
+    ]
+    for key in required:
+        if key not in values:
+            raise ConfigError(f"{file}: {prefix}{key}: missing; expected {_KEYS[key][0]}: add it")
     checked = {
-        key: _checked(_Entry(file, prefix + key, value), key)
+        key: _checked(file, key, value, prefix)
         for key, value in values.items()
-        if value is not None or _KEYS[key].default == MISSING  # an empty value is one left out
+        if value is not None or key in required  # an empty value is one left out
     }
     return DriveDescription(file, name, **checked)
 
 
-def _checked(entry: _Entry, key: str) -> Any:
+def _checked(file: Path, key: str, value: Any, prefix: str) -> Any:
     """The value of a key: of its type, which OmegaConf checks, and within what it means."""
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
-    expected = _EXPECTED[key].format(formats=", ".join(binary_formats()))
-    if "str" in str(_KEYS[key].type) and not isinstance(entry.value, str):
-        raise entry.error(expected)  # OmegaConf would make text of a number: "0" of 00
-    value = entry.value
+    expected, validated = _KEYS[key]
+    typed = OmegaConf.structured(DriveDescription)
+    OmegaConf.set_readonly(typed, False)
     try:
-        if _KEYS[key].type is not Any:
-            typed = OmegaConf.structured(DriveSchema)
-            typed[key] = value
-            value = typed[key]
-        return _VALIDATORS[key](entry.file, value)
+        if isinstance(value, str) and not value.strip():
+            raise ValueError("blank")  # as a path it would be the folder itself
+        typed[key] = value
+        return validated(file, typed[key])
     except FileError:
         raise
     except (OmegaConfBaseException, ValueError, TypeError, OverflowError, RuntimeError):
-        raise entry.error(expected) from None
+        formats = ", ".join(binary_formats())
+        raise _refusal(file, prefix + key, value, expected.format(formats=formats)) from None
 
 
-def _shown(key: Any) -> str:
-    return key if isinstance(key, str) and len(key) < 80 else _SHORT.repr(key)
+def _refusal(file: Path, key: str, value: Any, expected: str) -> ConfigError:
+    return ConfigError(f"{file}: {key}: {_SHORT.repr(value)}; expected {expected}")
 
 
-def _mapping(entry: _Entry) -> dict[Any, Any]:
-    if not isinstance(entry.value, dict):
-        raise entry.error("a mapping, KEY: VALUE on each line")
-    return dict(entry.value)
+def _mapping(file: Path, key: str, value: Any) -> dict[Any, Any]:
+    if not isinstance(value, dict):
+        raise _refusal(file, key, value, "a mapping, KEY: VALUE on each line")
+    return dict(value)
 
 
-def _text(entry: _Entry) -> str:
-    if not isinstance(entry.value, str) or not entry.value.strip():
-        raise entry.error("text; put numbers and dates into quotes")
-    return entry.value
+def _text(file: Path, key: str, value: Any) -> str:
+    if not isinstance(value, str) or not value.strip():
+        raise _refusal(file, key, value, "text; put numbers and dates into quotes")
+    return value
 
 
-def _path(file: Path, value: str) -> Path:
-    if not value.strip():
-        raise ValueError("blank")
-    return file.parent / Path(value).expanduser()
+def _path(file: Path, value: Path) -> Path:
+    return file.parent / value.expanduser()
 
 
 def _band(least: float = -math.inf, span: float = math.inf) -> Callable[[Path, Any], Band]:
@@ -215,17 +166,13 @@ def _band(least: float = -math.inf, span: float = math.inf) -> Callable[[Path, A
     return band
 
 
-def _one_of(choices: Callable[[], Collection[str]]) -> Callable[[Path, str], str]:
-    return lambda _, value: checks.one_of("key", value, choices())
-
-
 def _transform(file: Path, value: Any) -> NDArray[np.float64]:
     """A pose (4, 4) of 12 or 16 numbers, as a list, rows or text; or Tr of a calib.txt."""
     try:
         numbers = np.array(value.split() if isinstance(value, str) else value, dtype=np.float64)
     except ValueError:
         if isinstance(value, str):
-            return read_calibration(_path(file, value))
+            return read_calibration(_path(file, Path(value)))
         raise
     numbers = numbers.ravel()
     if numbers.size == 16 and np.array_equal(numbers[12:], [0, 0, 0, 1]):
@@ -236,17 +183,34 @@ def _transform(file: Path, value: Any) -> NDArray[np.float64]:
     return pose[0]
 
 
-#: What a value of its key's type must be besides: each returns it as the drive has it, or raises.
-_VALIDATORS: dict[str, Callable[[Path, Any], Any]] = {
-    "scans": _path,
-    "format": _one_of(binary_formats),
-    "poses": _path,
-    "pose_format": _one_of(lambda: POSE_FORMATS),
-    "sensor_in_body": _transform,
-    "up": _one_of(lambda: UP),
-    "world_up": _one_of(lambda: (*UP, SENSOR_WORLD)),
-    "sensor_height": lambda _, value: checks.positive("sensor_height", value),
-    "z_band": _band(),
-    "azimuth": _band(span=360),
-    "range": _band(least=0),
+def _one_of(*choices: str) -> tuple[str, Callable[[Path, str], str]]:
+    return f"one of {', '.join(choices)}", lambda _, value: checks.one_of("key", value, choices)
+
+
+#: By key: what is expected of its value, and what makes the drive's value of one of its type.
+_KEYS: dict[str, tuple[str, Callable[[Path, Any], Any]]] = {
+    "scans": ("the folder of the scans, as text; put numbers into quotes", _path),
+    "format": (
+        "what .bin files hold: one of {formats}",
+        lambda _, value: checks.one_of("format", value, binary_formats()),
+    ),
+    "poses": ("the file of their poses, as text; put numbers into quotes", _path),
+    "pose_format": _one_of(*POSE_FORMATS),
+    "sensor_in_body": (
+        "12 numbers (3x4, row by row), a 4x4 matrix, or the path of a calib.txt with 'Tr:'; a "
+        "rotation and a shift in metres",
+        _transform,
+    ),
+    "up": _one_of(*UP),
+    "world_up": _one_of(*UP, SENSOR_WORLD),
+    "sensor_height": (
+        "metres of the sensor above the ground, more than 0 (0.01 where z is 0 on the ground)",
+        lambda _, value: checks.positive("sensor_height", value),
+    ),
+    "z_band": ("[LOW, HIGH] in metres above the ground, LOW < HIGH", _band()),
+    "azimuth": (
+        "[LOW, HIGH] in degrees, LOW < HIGH, at most 360 wide, such as [90, 270] across 180",
+        _band(span=360),
+    ),
+    "range": ("[LOW, HIGH] in metres from the sensor, at least 0, LOW < HIGH", _band(least=0)),
 }

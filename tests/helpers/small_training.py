@@ -1,0 +1,35 @@
+"""Overrides that make a training short enough for a test."""
+
+#: Of episodes.
+EPISODES = ("sampling.ways=2", "sampling.queries=1", "sampling.per_epoch=2")
+
+#: Of the tiny streets, which are 50 m wide: close scans, a narrow validation split.
+TINY_DATA = (
+    "data.spacing.train=1",
+    "data.regions.validation_share=0.3",
+    "data.regions.margin=1",
+)
+
+#: A training of a few episodes on the tiny streets.
+SMALL = (*EPISODES, *TINY_DATA)
+
+#: The tiny streets hold few scans: small batches, and other places from 20 m on.
+TINY_METHODS = {
+    "deepring": ("method/encoder=unet_small", *EPISODES),
+    "pointnetvlad": (
+        *("method.raster.count=64", "method.second=[8,8]", "method.clusters=2"),
+        *("sampling.negatives=2", "sampling.hard=1", "sampling.hard_from=0"),
+        *("sampling.negative_radius=20", "sampling.per_epoch=2"),
+    ),
+    "disco": (
+        *("method.widths=[2,2]", "sampling.positive_radius=10", "sampling.negative_radius=20"),
+        *("sampling.negatives=2", "sampling.hard=1", "sampling.hard_from=0"),
+        "sampling.per_epoch=2",
+    ),
+    "egonn": (
+        *("method.raster.degrees=6", "method.raster.ring=2", "method.raster.height=2"),
+        *("method.raster.max_voxels=200", "method.widths=[2,2]", "method.global_levels=[2]"),
+        *("sampling.size=4", "sampling.limit=6", "sampling.per_epoch=2"),
+        *("sampling.positive_radius=10", "sampling.negative_radius=20"),
+    ),
+}
