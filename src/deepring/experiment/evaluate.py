@@ -61,11 +61,13 @@ def evaluate_split(plan: Plan, folder: Path, split: RetrievalSet) -> list[Outcom
     for name, method in plan.methods(split).items():
         train = plan.trained_on if method is plan.network else ""
         outcome = _evaluate_alone(plan, folder, name, train, method, task_in(method.raster))
+        write_matches(folder, outcome.matches)
         outcomes.append(outcome)
         if plan.evaluation.rerank:
-            outcomes += _reranked(plan.evaluation, outcome, task_in(BevRaster()))
-    for outcome in outcomes:
-        write_matches(folder, outcome.matches)
+            reranked = _reranked(plan.evaluation, outcome, task_in(BevRaster()))
+            for further in reranked:
+                write_matches(folder, further.matches)
+            outcomes += reranked
     return outcomes
 
 
