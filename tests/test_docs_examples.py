@@ -59,6 +59,13 @@ def test_the_method_of_the_docs_finds_each_scan_again(drive, tmp_path):
     assert comparison.score.argmax(dim=1).tolist() == [0, 1, 2, 3]
 
 
+def test_the_method_of_the_docs_passes_the_check_of_the_docs():
+    section = PAGE.read_text().split("\n## Adding a method\n")[1].split("\n## ")[0]
+    blocks = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+    assert "check_method(Mine())" in blocks[1]
+    exec(compile("\n".join(blocks), str(PAGE), "exec"), {"__name__": "docs.checked_method"})
+
+
 def test_the_raster_of_the_docs_goes_through_settings_and_cache(
     density, drive, tmp_path, monkeypatch
 ):

@@ -234,7 +234,10 @@ RING = fingerprint(Ring())
     [
         (fingerprint(Untrained()), r"'test_scoring\.Untrained' is not registered; expected one of"),
         ({**RING, "method": "subprocess.Popen"}, r"'subprocess\.Popen' is not registered"),
-        ({"method": "nowhere.Net", "settings": {}}, r"'nowhere\.Net' is not registered.*--method"),
+        (
+            {"method": "nowhere.Net", "settings": {}},
+            r"'nowhere\.Net' .*`own_class`",
+        ),
         ({}, "'None' is not registered"),
         ({**RING, "values": {"angels": 60}}, r"cannot be made of .*angels.*; expected the values"),
         ({"method": "ring"}, "'ring' cannot be made of"),

@@ -243,5 +243,5 @@ def test_bad_settings_are_named(message, changes):
 
 
 def test_bad_names_are_named():
-    with pytest.raises(DeepringError, match=r"DiSCO settings: .*rings"):
+    with pytest.raises(DeepringError, match=r"settings\.rings: unknown"):
         DiscoSettings.from_dict({"rings": 40})

@@ -134,7 +134,7 @@ def test_settings_travel_as_plain_values():
 
 
 def test_bad_settings_are_named():
-    with pytest.raises(DeepringError, match=r"PointNetVLAD settings: .*cluster_size"):
+    with pytest.raises(DeepringError, match=r"settings\.cluster_size: unknown"):
         PointNetVladSettings.from_dict({"cluster_size": 64})
     with pytest.raises(DeepringError, match=r"PointNetVLAD: raster: a BevRaster, expected"):
         PointNetVlad(small(raster=raster_settings(BevRaster())))

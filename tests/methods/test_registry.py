@@ -134,7 +134,7 @@ def test_what_was_no_network_is_refused():
         make_network({**good, "method": "ring"}, weights)
     with pytest.raises(DeepringError, match="the weights are not those of 'deepring'"):
         make_network(good, dict(list(weights.items())[1:]))
-    with pytest.raises(DeepringError, match="DeepRING settings: 'depth', expected one of"):
+    with pytest.raises(DeepringError, match=r"settings\.depth: unknown, expected"):
         make_network({**good, "settings": {**good["settings"], "depth": 3}}, weights)
 
 

@@ -3,7 +3,7 @@
 import argparse
 
 from deepring.cli.console import console
-from deepring.cli.options import expect_new, network_of
+from deepring.cli.options import expect_new
 from deepring.errors import ConfigError
 
 
@@ -27,11 +27,12 @@ def _export_weights(args: argparse.Namespace) -> None:
 
 
 def _export_onnx(args: argparse.Namespace) -> None:
+    from deepring.methods.checkpoint import load_network
     from deepring.methods.onnx_file import export_onnx
 
-    network = network_of(args.checkpoint)
+    network = load_network(args.checkpoint, args.method).method
     export_onnx(network, args.output)
-    cells = network.raster.shape[0]
+    shape = ", ".join(str(length) for length in network.raster.shape)
     console.print(f"written      {args.output}", markup=False)
-    console.print(f"input        images (batch, {cells}, {cells}) float32, 0 or 1", markup=False)
-    console.print("output       descriptors (batch, θ, ω) float32, unit norm", markup=False)
+    console.print(f"input        images (batch, {shape}) float32", markup=False)
+    console.print("output       descriptors (batch, ...) float32", markup=False)

@@ -101,7 +101,7 @@ def score_pair(
     pair: Pair,
     radii: Sequence[float] = RADII,
     progress: Progress | None = None,
-    own_class: type | str | None = None,
+    own_class: str | type | None = None,
 ) -> Outcome:
     """`score_descriptors` of two files, with the method rebuilt from their fingerprint.
 

@@ -74,18 +74,18 @@ def index_of(method: Method, settings: SearchSettings | None = None) -> Index:
     ``settings`` are those of a search by correlation; other indexes take no notice.
     """
     classes = type(method).__mro__
-    own = next((k for k, cls in enumerate(classes) if "index" in vars(cls)), len(classes))
-    if any("compare" in vars(cls) for cls in classes[:own]):
+    depth = next((k for k, cls in enumerate(classes) if "index" in vars(cls)), len(classes))
+    if any("compare" in vars(cls) for cls in classes[:depth]):
         return CompareIndex(method)
     index: Index = cast("Any", method).index(settings)
     return index
 
 
-def rebuild_method(made_by: dict[str, Any], own: str | type | None = None) -> Method:
+def rebuild_method(made_by: dict[str, Any], own_class: str | type | None = None) -> Method:
     """A method that compares the descriptors that a fingerprint is of, and describes none.
 
     A network's weights are not known here: they are on the device 'meta', where nothing can be
-    computed with them. ``own`` is that of `deepring.methods.registry.method_class`.
+    computed with them. ``own_class`` is that of `deepring.methods.registry.method_class`.
 
     Raises:
         ConfigError: a name that is not registered.
@@ -93,7 +93,7 @@ def rebuild_method(made_by: dict[str, Any], own: str | type | None = None) -> Me
             the code does not make the same method of.
     """
     name = str(made_by.get("method"))
-    cls: Any = method_class(name, own)
+    cls: Any = method_class(name, own_class)
     if not hasattr(cls, "from_fingerprint"):
         raise FileError(
             f"made_by.method: {name!r} cannot be rebuilt, expected a class with from_fingerprint; "

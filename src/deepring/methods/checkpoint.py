@@ -9,7 +9,7 @@ from deepring.methods.network_file import SHIPPED, TrainedNetwork, read_network,
 from deepring.methods.portable import make_network
 
 
-def load_network(checkpoint: Path | str, own_class: type | str | None = None) -> TrainedNetwork:
+def load_network(checkpoint: Path | str, own_class: str | type | None = None) -> TrainedNetwork:
     """The network of a checkpoint, on the CPU, in evaluation mode.
 
     Args:

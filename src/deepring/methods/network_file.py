@@ -54,7 +54,7 @@ def write_network(path: Path, network: TrainedNetwork) -> None:
     write_sealed(path, FORMAT, header, weights_of(network.method))
 
 
-def read_network(path: Path, own_class: type | str | None = None) -> TrainedNetwork:
+def read_network(path: Path, own_class: str | type | None = None) -> TrainedNetwork:
     """Read what `write_network` wrote, every byte verified; ``own_class`` as in `make_network`.
 
     Raises FileError for anything else.

@@ -23,7 +23,7 @@ def weights_of(method: NetworkMethod) -> dict[str, Tensor]:
 def make_network(
     described: Mapping[str, Any],
     weights: Mapping[str, Tensor],
-    own_class: type | str | None = None,
+    own_class: str | type | None = None,
 ) -> NetworkMethod:
     """The network again, in evaluation mode.
 

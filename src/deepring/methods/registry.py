@@ -46,21 +46,21 @@ def method_name(cls: type) -> str:
     return next((name for name, known in _METHODS.items() if _path_of(known) == path), path)
 
 
-def method_class(name: str, own: str | type | None = None) -> type:
+def method_class(name: str, own_class: str | type | None = None) -> type:
     """The class of a name that a file holds.
 
     Args:
         name: as `method_name` gives it.
-        own: the user's class, or its dotted path, for a name that is not registered. It comes
+        own_class: the user's class, or its dotted path, for a name that is not registered. It comes
             from the user, never from a file.
 
     Raises:
-        ConfigError: a name that is not registered and is not that of ``own``.
+        ConfigError: a name that is not registered and is not that of ``own_class``.
     """
     known = _METHODS.get(name)
     if known is not None:
         return class_at(known) if isinstance(known, str) else known
-    cls = class_at(own) if isinstance(own, str) else own
+    cls = class_at(own_class) if isinstance(own_class, str) else own_class
     if cls is not None and method_name(cls) == name:
         return cls
     given = "" if cls is None else f", and the class given is {class_path(cls)}"
