@@ -242,7 +242,7 @@ RING = fingerprint(Ring())
         ({**RING, "values": {"angels": 60}}, r"cannot be made of .*angels.*; expected the values"),
         ({"method": "ring"}, "'ring' cannot be made of"),
         ({**RING, "raster": raster_settings(CONTEXT)}, "RING: raster: a ContextRaster, expected"),
-        ({**fingerprint(deepring()), "settings": {"width": 3}}, r"settings\.width: unknown"),
+        ({**fingerprint(deepring()), "settings": {"width": 3}}, r"DeepRING settings\.width: unk"),
     ],
 )
 def test_what_cannot_be_rebuilt_is_refused(made_by, message):

@@ -26,6 +26,11 @@ class PlainSettings(SettingsGroup):
 
     raster: dict[str, Any]
 
+    @classmethod
+    def title(cls) -> str:
+        """'DeepRING settings', and so on."""
+        return f"{cls.label} settings"
+
 
 class NetworkMethod(nn.Module, ABC):
     """A method that is a network: rasters (b, *raster.shape) in, descriptors out.

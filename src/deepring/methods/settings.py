@@ -28,16 +28,26 @@ class SettingsGroup:
         return {f.name: plain(getattr(self, f.name), _leaf) for f in fields(self)}  # type: ignore[arg-type]
 
     @classmethod
-    def from_dict(cls, values: Mapping[str, Any], key: str = "settings") -> Self:
+    def from_dict(cls, values: Mapping[str, Any], key: str | None = None) -> Self:
         """The settings of plain values; what is left out takes its default.
+
+        Args:
+            values: by name; those of a group are a dict.
+            key: what the settings are called in messages, such as the config's 'method'.
 
         Raises:
             ConfigError: a name that is no setting, or a value of another type. The message names
-                it with the dotted key ``key.name``.
+                it as ``key.name``.
         """
+        key = cls.title() if key is None else key
         hints = get_type_hints(cls)
         names = [f.name for f in fields(cls)]  # type: ignore[arg-type]
         return cls(**read_values(key, values, {name: hints[name] for name in names}))
+
+    @classmethod
+    def title(cls) -> str:
+        """What the settings are called in messages where nothing else is said."""
+        return "settings"
 
 
 def read_values(key: str, values: Any, hints: Mapping[str, Any]) -> dict[str, Any]:
