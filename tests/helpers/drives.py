@@ -38,5 +38,5 @@ def _side(name, clouds, east, north, raster, turns=None):
     points = [turn_points(np.asarray(cloud, dtype=np.float32), 0.0) for cloud in clouds]
     session = Session(name, tuple(range(n)), poses, poses[:, :2, 3], None, points.__getitem__)
     scans = ScanSet(session, np.arange(n), 0.25, turns)
-    images = [pack(scans.draw(k, raster), raster) for k in range(n)]
+    images = [pack(scans.rasterize(k, raster), raster) for k in range(n)]
     return scans, Rasters(np.stack(images), raster)
