@@ -40,6 +40,15 @@ def test_our_errors_are_one_line(capsys):
     assert said(ConfigError("format: 'x'"), capsys) == "error: --format: 'x'\n"
 
 
+def test_the_argument_that_an_error_asks_for_is_added_once(capsys):
+    error = ConfigError("a.bin: not told what is in it", argument="format")
+    assert said(error, capsys) == "error: a.bin: not told what is in it (--format)\n"
+    error = ConfigError("format: 'x'", argument="format")
+    assert said(error, capsys) == "error: --format: 'x'\n"
+    error = ConfigError("a.bin: broken", argument="reader")
+    assert said(error, capsys) == "error: a.bin: broken\n"
+
+
 def test_the_system_s_errors_are_said_in_our_words(capsys):
     error = FileNotFoundError(errno.ENOENT, "No such file or directory", "a.map")
     assert said(error, capsys) == "error: a.map: no such file or folder\n"

@@ -75,7 +75,7 @@ def test_a_registered_class_is_found_by_its_name(free_registry):
 def test_names_that_are_not_registered_are_refused_with_what_to_do():
     with pytest.raises(
         ConfigError,
-        match=r"'os\.system' is not registered; .*register_method.*_target_.*`own_class`",
+        match=r"'os\.system' is not registered; .*register_method.*`own_class`",
     ):
         method_class("os.system")
     assert method_class("test_registry.Own", Own) is Own

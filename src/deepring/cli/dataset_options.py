@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from deepring.cli.options import add_format, add_output
+from deepring.cli.options import add_format, add_output, add_session
 from deepring.cli.parser import Parser, number, subcommands, whole
 
 
@@ -35,7 +35,7 @@ def add_data(parser: Parser) -> None:
     )
     checker.add_argument("root", type=Path, metavar="FOLDER")
     add_format(checker)
-    checker.add_argument("--session", help="one session only")
+    add_session(checker, "one session only")
     checker.runs("deepring.cli.data_command:data_command")
 
 
@@ -48,7 +48,7 @@ def add_case_study(parser: Parser) -> None:
         metavar="DATASET | FILE",
         help="a dataset's folder or drive.yaml, or scan files of different places (with --format)",
     )
-    parser.add_argument("--session", help="of the dataset (the first)")
+    add_session(parser, "of the dataset (the first)")
     add_format(parser)
     parser.add_argument(
         "--pairs", type=whole(1), default=64, help="of the error curves (%(default)s)"

@@ -15,7 +15,7 @@ import numpy as np
 from rich.table import Table
 
 from deepring.cli.console import console
-from deepring.cli.mistakes import in_flags
+from deepring.cli.mistakes import told
 from deepring.data.readers import open_session
 from deepring.data.readers.custom.drive_file import is_drive_file
 from deepring.data.scans.bag_files import bag_scans, is_bag
@@ -51,7 +51,7 @@ def localize_command(args: argparse.Namespace) -> None:
     if rows or not failures:
         _PRINT[args.form](rows)
     for message in failures:
-        print(f"error: {in_flags(message, args.flags)}", file=sys.stderr)
+        print(f"error: {message}", file=sys.stderr)
     if failures:
         sys.exit(1)
 
@@ -65,7 +65,7 @@ def locate(
 ) -> Iterator[Row]:
     """One row per scan; the messages about scans that cannot be located go to ``failures``.
 
-    ``args`` has ``format``, ``topic``, ``every`` and ``ground_z`` as the command line does.
+    ``args`` has ``format``, ``topic``, ``every``, ``session``, ``ground_z`` and ``flags``.
     """
     done = 0
     for file in files:
@@ -79,7 +79,7 @@ def locate(
             except StopIteration:
                 break
             except DeepringError as error:
-                failures.append(_named(name, stamp, str(error)))
+                failures.append(_named(name, stamp, told(error, args.flags)))
             done += 1
             # How many scans a bag holds is not known before.
             progress(done, max(done, len(files)))
@@ -98,12 +98,6 @@ def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
             yield Scan(file, stamp, partial(np.asarray, points), args.ground_z)
     else:
         yield Scan(file, None, partial(read_scan, file, args.format), args.ground_z)
-
-
-def _flagged(error: DeepringError) -> str:
-    """The message, with the flag of the argument that it asks for."""
-    flag = {"topic": "--topic", "binary": "--format"}.get(error.argument or "")
-    return str(error) if flag is None else f"{error} ({flag})"
 
 
 def _named(file: Path, stamp: int | None, message: str) -> str:

@@ -50,8 +50,15 @@ def mistakes_reported(flags: Mapping[str, str]) -> Iterator[None]:
     except Exception as error:
         if not is_mistake(error):
             raise
-        print(f"error: {in_flags(_text(error), flags)}", file=sys.stderr)
+        print(f"error: {told(error, flags)}", file=sys.stderr)
         sys.exit(MISTAKE)
+
+
+def told(error: Exception, flags: Mapping[str, str]) -> str:
+    """What an error says, with the flags of the arguments that it names or asks for."""
+    message = in_flags(_text(error), flags)
+    flag = flags.get(getattr(error, "argument", None) or "")
+    return message if flag is None or flag in message else f"{message} ({flag})"
 
 
 def in_flags(message: str, flags: Mapping[str, str]) -> str:

@@ -27,8 +27,14 @@ def add_drive(parser: Parser) -> None:
     """The options that say which drive."""
     parser.add_argument("root", type=Path, metavar="FOLDER", help="of the dataset, or a drive.yaml")
     add_format(parser)
-    parser.add_argument("--session", help="which session, where the folder holds several")
+    add_session(parser, "which session, where the folder holds several")
     add_ground(parser, "the drive's")
+
+
+def add_session(parser: Parser, help: str) -> None:
+    """``--session``, which the library calls the ``name`` of a session."""
+    parser.add_argument("--session", help=help)
+    parser.flags["name"] = "--session"
 
 
 def add_ground(parser: Parser, default: str) -> None:

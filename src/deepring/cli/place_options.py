@@ -2,7 +2,14 @@
 
 from pathlib import Path
 
-from deepring.cli.options import add_drive, add_ground, add_method, add_network, add_output
+from deepring.cli.options import (
+    add_drive,
+    add_ground,
+    add_method,
+    add_network,
+    add_output,
+    add_session,
+)
 from deepring.cli.parser import Names, Parser, number, subcommands, whole
 
 BINARY_FORMATS = "deepring.data.readers:binary_formats"
@@ -92,7 +99,7 @@ def add_localize(parser: Parser) -> None:
         metavar="N",
         help="take every N-th scan of a bag or a drive (%(default)s)",
     )
-    parser.add_argument("--session", help="which drive, where drive.yaml describes several")
+    add_session(parser, "which drive, where drive.yaml describes several")
     add_ground(parser, "the map's")
     parser.add_argument("--as", dest="form", choices=FORMS, default="table", help="(%(default)s)")
     parser.add_argument(

@@ -39,7 +39,7 @@ _MODES = ("--cfg", "-c", "--info", "-i", "--resolve", "--package", "--run", "-r"
 _KEYS = {
     "format": "data.format",
     "root": "data.root",
-    "session": "data.database or data.query",
+    "name": "data.database or data.query",
 }
 
 

@@ -78,7 +78,10 @@ def open_session(format: str, root: Path | str, name: str | None = None, **optio
     if name is None:
         names = list_sessions(format, root)
         if len(names) > 1:
-            raise DataError(f"{root} holds {len(names)} sessions ({', '.join(names)}): name one")
+            raise DataError(
+                f"{root} holds {len(names)} sessions ({', '.join(names)}): name one",
+                argument="name",
+            )
         name = names[0]
     try:
         with _layouts_named(reader):
