@@ -147,7 +147,7 @@ COLUMNS = "query,place,score,turn,distance,nearest\n"
         (HEAD + COLUMNS + "1,2,,0.1,1.0,1.0\n", "line 3"),
         (HEAD + COLUMNS + '1,"2', "expected the retrievals of an evaluation"),
         ("\x80", "expected the retrievals of an evaluation"),
-        (None, "No such file"),
+        (None, "cannot be read"),
     ],
 )
 def test_what_is_no_such_file_is_refused_with_its_line(tmp_path, text, message):

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deepring.errors import DeepringError
-from deepring.evaluation import results as module
 from deepring.evaluation.case import Case
 from deepring.evaluation.results import COLUMNS, Result, read_results, write_results
 
@@ -71,7 +70,7 @@ def test_a_result_cannot_be_changed():
     ],
 )
 def test_a_value_out_of_range_is_named(field, value):
-    with pytest.raises(DeepringError, match=rf"{field} .*expected"):
+    with pytest.raises(DeepringError, match=rf"{field}: .*expected"):
         replace(EXAMPLE, **{field: value})
 
 
@@ -122,11 +121,11 @@ def written(tmp_path, change):
     [
         (lambda text: text.replace("auc", "AUC"), r"missing \['auc'\], unknown \['AUC'\]"),
         (lambda text: text[:0], "header ''"),
-        (lambda text: text.replace(",450,", ",many,", 1), "line 2: answerable 'many': .*an int"),
-        (lambda text: text[:-1].rsplit(",", 1)[0] + ",soon\n", "line 3: seconds_per_query 'soon'"),
-        (lambda text: text.replace(",0.9,", ",1.9,", 1), r"line 2: recall_1 1\.9"),
+        (lambda text: text.replace(",450,", ",many,", 1), "line 2: answerable: 'many', .*a whole"),
+        (lambda text: text[:-1].rsplit(",", 1)[0] + ",soon\n", "line 3: seconds_per_query: 'soon'"),
+        (lambda text: text.replace(",0.9,", ",1.9,", 1), r"line 2: recall_1: 1\.9"),
         (lambda text: text.replace(",0.9,", ",", 1), "line 2: 13 values; expected 14"),
-        (lambda text: text + '"open', "unexpected end of data"),
+        (lambda text: text + '"open', "is not valid CSV"),
         (lambda text: text.replace("mulran", "mul\x07ran", 1), "line 2: test: "),
     ],
 )
@@ -136,12 +135,8 @@ def test_a_file_that_cannot_be_right_is_refused(tmp_path, change, message):
 
 
 def test_a_missing_file_and_one_that_is_no_text_are_refused(tmp_path):
-    with pytest.raises(DeepringError, match=r"none\.csv: No such file"):
+    with pytest.raises(DeepringError, match=r"none\.csv: cannot be read"):
         read_results(tmp_path / "none.csv")
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(DeepringError, match="expected CSV in UTF-8"):
+    with pytest.raises(DeepringError, match="is not UTF-8 text"):
         read_results(tmp_path / "binary.csv")
-
-
-def test_every_column_has_its_expectation_in_words():
-    assert all(module._expected(name).startswith(("a ", "an ")) for name in module._NUMBERS)

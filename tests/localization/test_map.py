@@ -73,12 +73,12 @@ def test_an_observed_scan_is_located_and_added_as_its_points_are(drives):
     by_points, by_images = Map(small_network()), Map(small_network())
     for scan, pose, name in zip(scans, poses, "abc", strict=True):
         by_points.add([scan], pose[None], [name])
-        by_images.add_observed(by_images.observe([scan]), pose[None], [name])
+        by_images.add_observation(by_images.observe([scan]), pose[None], [name])
     query = drives[1].points(0)
     location = by_points.localize(query)
-    assert by_images.localize_observed(by_images.observe([query])) == location
+    assert by_images.localize_observation(by_images.observe([query])) == location
     above = by_points.ground_z + 8
-    seen = by_points.localize_observed(by_points.observe([query], above))
+    seen = by_points.localize_observation(by_points.observe([query], above))
     assert seen == by_points.localize(query, ground_z=above) != location
 
 
@@ -107,7 +107,7 @@ def test_the_network_travels_in_the_map(place_map, tmp_path):
 
 def test_an_empty_map_is_a_map_without_answers(tmp_path, drives):
     Map(small_network()).save(tmp_path / "empty.map")
-    with pytest.raises(DeepringError, match="holds no places to look among"):
+    with pytest.raises(DeepringError, match="holds no places to compare with"):
         Map.open(tmp_path / "empty.map").localize(drives[0].points(0))
 
 

@@ -47,7 +47,7 @@ def test_the_curve_begins_at_recall_zero_with_the_first_precision():
 @pytest.mark.parametrize(
     ("curves", "message"),
     [
-        ({}, "curves: none given"),
+        ({}, "curves: none, expected"),
         ({"RING": ([0.5], [0.4, 1.0])}, r"curves\['RING'\]: precision \(1,\), recall \(2,\)"),
         ({"RING": (np.zeros(0), np.zeros(0))}, "t >= 1"),
         ({"RING": (0.5, 0.5)}, r"precision \(\)"),

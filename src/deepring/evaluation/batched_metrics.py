@@ -1,10 +1,10 @@
 """The metrics of `deepring.evaluation.metrics` over batches of queries, as torchmetrics classes.
 
-Two numbers are kept per query, its top score and the rank of its first right place, so that 28 000
-queries fit in a few hundred kilobytes. torchmetrics' own retrieval classes mean something else:
-they drop scores that are not positive, and their recall is the share of all right places.
+Two numbers are stored per query, its top score and the rank of its first right place, so that
+28 000 queries fit in a few hundred kilobytes. The retrieval classes of torchmetrics mean something
+else: they drop scores that are not positive, and their recall is the share of all right places.
 
-In a ``MetricCollection`` of several radii give ``compute_groups=False``: its groups compare states
+In a ``MetricCollection`` of several radii, set ``compute_groups=False``: its groups compare states
 of the first batch alone, in which two radii may agree.
 """
 
@@ -48,7 +48,7 @@ class _PlaceMetric(Metric):
         self.add_state("ranks", default=[], dist_reduce_fx="cat")
 
     def update(self, scores: Tensor, distances: Tensor) -> None:
-        """Take a batch of queries: scores and distances (q, d); see ``first_right``."""
+        """Add a batch of queries: scores and distances (q, d); see ``first_right``."""
         top, rank = first_right(scores, distances, self.radius)
         self.scores.append(top)
         self.ranks.append(rank.float())  # exact up to 2^24 places

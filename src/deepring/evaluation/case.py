@@ -1,4 +1,4 @@
-"""Which method was tested where: what results, matches and descriptors are about."""
+"""Cases: which method was tested where. Results, matches and descriptors belong to one."""
 
 import re
 from dataclasses import asdict, dataclass
@@ -17,7 +17,7 @@ class Case:
     """
 
     method: str
-    """Its label in tables."""
+    """Label of the method in tables."""
     train: str
     """Several datasets joined by '+'; empty for a method that learns nothing."""
     test: str
@@ -39,21 +39,21 @@ class Case:
 
     @property
     def place(self) -> str:
-        """Where it was tested: 'nclt test'."""
+        """Test dataset and region: 'nclt test'."""
         return f"{self.test} {self.region}".strip()
 
     @property
     def in_domain(self) -> bool:
-        """Trained on the dataset that it is tested on, and on no other."""
+        """Whether it was trained on the dataset that it is tested on, and on no other."""
         return self.train == self.test
 
     @property
     def crosses(self) -> bool:
-        """Trained, but not on the dataset that it is tested on."""
+        """Whether it was trained, but not on the dataset that it is tested on."""
         return bool(self.train) and self.test not in self.train.split("+")
 
     def file_name(self, ending: str) -> str:
-        """A file's name of letters, digits, '-' and '_' before the ending.
+        """A file name with letters, digits, '-' and '_' before the ending.
 
         >>> Case("Scan Context 20x60", "", "sim_nclt", "test").file_name(".csv")
         'Scan_Context_20x60__sim_nclt__test.csv'

@@ -1,4 +1,4 @@
-"""From matches to figures: each query's first right place at all radii, in one pass."""
+"""Results of matches: the first right place of each query at all radii, in one pass."""
 
 import logging
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 
 class Seconds(NamedTuple):
-    """What a method takes."""
+    """Times that a method takes, in seconds."""
 
     per_scan: float
     """From points to descriptor."""
@@ -32,15 +32,15 @@ class Seconds(NamedTuple):
 def count(
     matches: TopMatches, radii: Sequence[float], places: int, seconds: Seconds
 ) -> list[Result]:
-    """One result per radius (metres), in the order given.
+    """One result per radius (metres), in the order of ``radii``.
 
-    A radius within which no query has an answer is left out with a warning; the first, the
-    headline, raises DataError then.
+    A radius within which no query has an answer is left out with a warning. If that is the first
+    radius, the headline, DataError is raised.
 
     Args:
         matches: the best five places per query, or all that were compared where these are fewer.
         radii: the headline first.
-        places: of the database.
+        places: number of places in the database.
         seconds: repeated in each result.
     """
     top = torch.from_numpy(matches.score[:, 0])

@@ -1,6 +1,6 @@
 """Descriptors on disk: made once, scored many times, on any machine.
 
-One sealed file per side, with all that is known of how its descriptors were made.
+One sealed file per side, which also states how its descriptors were made.
 """
 
 from dataclasses import dataclass, fields
@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from deepring import checks
 from deepring.errors import ConfigError, DataError, FileError
 from deepring.evaluation.case import Case
-from deepring.evaluation.fingerprint import as_read_back
+from deepring.evaluation.fingerprint import json_copy
 from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
 from deepring.io.tensor_types import TensorType, check_tensors
 
 SideName = Literal["database", "query"]
 
-#: Of the files' names.
+#: Ending of the files' names.
 ENDING = ".safetensors"
 
 _ARRAYS = {
@@ -34,18 +34,18 @@ _TEXTS = ("method", "train", "test", "region", "session")
 
 @dataclass(frozen=True)
 class DescriptorHeader:
-    """All that is known of the descriptors of one side of a retrieval task."""
+    """Origin of the descriptors of one side of a retrieval task."""
 
     method: str
-    """Its label in tables."""
+    """Label of the method in tables."""
     train: str
-    """What it was trained on; empty for a method without training."""
+    """Datasets it was trained on; empty for a method without training."""
     test: str
     region: str
     side: SideName
     session: str
     made_by: dict[str, Any]
-    """What made them, as `deepring.evaluation.fingerprint` states it and JSON gives it back."""
+    """Fingerprint of the method, see `deepring.evaluation.fingerprint`, as JSON gives it back."""
     ground_z: float
     """z of the ground under the sensor in the scans' frame, metres."""
     seconds_per_scan: float
@@ -53,13 +53,13 @@ class DescriptorHeader:
 
     @property
     def case(self) -> Case:
-        """What they are about."""
+        """The method, and where it was tested."""
         return Case(self.method, self.train, self.test, self.region)
 
 
 @dataclass(frozen=True, eq=False)
 class DescriptorSet(DescriptorHeader):
-    """The descriptors of one side of a retrieval set, n of them, and all that is known of them.
+    """The n descriptors of one side of a retrieval task, and their origin.
 
     Raises ConfigError for a header that a file or a row of results cannot hold, and DataError for
     an empty set, arrays of another type or of counts that disagree, and values that are not
@@ -73,7 +73,7 @@ class DescriptorSet(DescriptorHeader):
     indices: NDArray[np.int64]
     """(n,) numbers of the scans in their session."""
     turns: NDArray[np.float64] | None = None
-    """(n,) radians by which the scans were turned; None where they were left as they are."""
+    """(n,) radians by which the scans were turned; None for scans that were not."""
 
     def __post_init__(self) -> None:
         checks.one_of("side", self.side, SideName)
@@ -103,14 +103,14 @@ class DescriptorSet(DescriptorHeader):
                     f"{where}: {name}: {bad} of {array.size} values are not finite; expected "
                     "numbers; look for empty scans, or for a training that diverged"
                 )
-        object.__setattr__(self, "made_by", as_read_back(self.made_by))
+        object.__setattr__(self, "made_by", json_copy(self.made_by))
 
     def __len__(self) -> int:
         return len(self.descriptors)
 
     @property
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays by name; ``turns`` where there are any."""
+        """The arrays by name; without ``turns`` if that is None."""
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         return {name: array for name, array in arrays.items() if array is not None}
 
@@ -126,14 +126,14 @@ FORMAT = SealedFormat(
 
 
 def file_name(case: Case, side: SideName) -> str:
-    """'Scan_Context_20x60__sim_nclt__test__query.safetensors': as files of matches are named."""
+    """Name of a side's file: 'Scan_Context_20x60__sim_nclt__test__query.safetensors'."""
     return case.file_name(f"__{side}{ENDING}")
 
 
 def free_path(folder: Path, case: Case, side: SideName) -> Path:
-    """Where a side is written in a folder: to a new file, or in place of one of an equal case.
+    """Path of a side's file in a folder; a file of the same case is replaced.
 
-    Raises FileError where the file is there and holds something else.
+    Raises FileError if the file exists and holds something else.
     """
     path = folder / file_name(case, side)
     if not path.exists():

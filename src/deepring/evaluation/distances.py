@@ -1,4 +1,4 @@
-"""How far queries lie from the places of a database."""
+"""Distances from queries to the places of a database."""
 
 from typing import Protocol
 
@@ -27,7 +27,7 @@ def nearest_distances(
 ) -> NDArray[np.float32]:
     """Metres (q,) from each query to the nearest place; ``batch`` queries are compared at a time.
 
-    Taken in float64, since world positions may be large numbers.
+    Computed in float64, since world positions may be large numbers.
     """
     queries, places = query.positions, database.positions
     nearest = np.empty(len(queries), np.float32)

@@ -1,4 +1,4 @@
-"""Writing what an evaluation has described: the two descriptor files of a method on a test."""
+"""Export of descriptors: the two files of a method on a retrieval task."""
 
 from pathlib import Path
 from typing import get_args
@@ -18,10 +18,10 @@ from deepring.methods.base import Method
 
 
 class Export:
-    """Both sides in the making; what would fail after the work fails before it.
+    """Collects the descriptors of both sides; checks paths and fingerprint first.
 
-    Raises ConfigError for a method whose `fingerprint` cannot be taken, and FileError where a file
-    of the name holds something else.
+    Raises DataError for a method without a `fingerprint`, and FileError if a file of this name
+    holds something else.
     """
 
     def __init__(self, folder: Path, case: Case, method: Method) -> None:
@@ -31,7 +31,7 @@ class Export:
         self.sides: list[DescriptorSet] = []
 
     def add(self, side: SideName, scans: ScanSet, descriptors: Tensor, per_scan: float) -> None:
-        """Take the descriptors (n, ...) of a side.
+        """Add the descriptors (n, ...) of a side.
 
         ``per_scan`` is the seconds from points to descriptor.
 
@@ -53,6 +53,6 @@ class Export:
         )
 
     def write(self) -> None:
-        """Write the sides that were taken. Raises FileError where that cannot be."""
+        """Write all sides. Raises FileError if a file cannot be written."""
         for side in self.sides:
             write_descriptors(self.paths[side.side], side)

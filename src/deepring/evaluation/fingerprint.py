@@ -1,4 +1,4 @@
-"""What makes a method's descriptors, as plain values that two files can be compared by."""
+"""Fingerprints of methods, by which files of descriptors are compared."""
 
 import hashlib
 import json
@@ -19,17 +19,17 @@ from deepring.rasters import RASTERS, raster_settings
 
 
 def fingerprint(method: Method) -> dict[str, Any]:
-    """Everything that makes a method's descriptors, as plain values.
+    """Everything that determines a method's descriptors, as plain values.
 
-    The method's name, the settings of its raster, and: of a network its ``settings`` and a
-    SHA-256 over its weights, of another method its public attributes, arrays as their SHA-256.
-    Attributes with an underscore in front do not count. A network on the device 'meta' has no
-    weights, and its fingerprint none either. `deepring.methods.base.rebuild_method` makes a
-    method of it again.
+    These are the method's name and the settings of its raster; for a network also its
+    ``settings`` and a SHA-256 over its weights; for another method also its public attributes,
+    with a SHA-256 in place of each array. Attributes with a leading underscore do not count. A
+    network on the device 'meta' has no weights, and its fingerprint has none.
+    `deepring.methods.base.rebuild_method` rebuilds a method from it.
 
     Raises:
-        DataError: a raster that is none of ours, a network without settings, or an attribute
-            that is no plain value.
+        DataError: a raster that is not in `RASTERS`, a network without settings, or an attribute
+            that is not a plain value.
     """
     name = method_name(type(method))
     raster = method.raster
@@ -46,7 +46,7 @@ def fingerprint(method: Method) -> dict[str, Any]:
     if not isinstance(method, nn.Module):
         public = {k: v for k, v in vars(method).items() if k != "raster" and not k.startswith("_")}
         made_by["values"] = plain(dict(sorted(public.items())), _plain_leaf, name)
-        return as_read_back(made_by)
+        return json_copy(made_by)
     settings: Any = getattr(method, "settings", None)
     if not hasattr(settings, "to_dict"):
         raise DataError(
@@ -57,13 +57,13 @@ def fingerprint(method: Method) -> dict[str, Any]:
     weights = {k: v for k, v in method.state_dict().items() if isinstance(v, Tensor)}
     if not any(weight.is_meta for weight in weights.values()):
         made_by["weights"] = digest_of(weights)
-    return as_read_back(made_by)
+    return json_copy(made_by)
 
 
 def first_difference(ours: Any, theirs: Any, key: str = "") -> tuple[str, Any, Any] | None:
     """The first dotted key at which two fingerprints differ, and both values; None if equal.
 
-    A key that one of them lacks has the value None there.
+    A key that is missing in one of them has the value None there.
     """
     if not (isinstance(ours, dict) and isinstance(theirs, dict)):
         return None if ours == theirs else (key, ours, theirs)
@@ -92,15 +92,15 @@ def _raw(array: Tensor | NDArray[Any]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(array).reshape(-1).view(np.uint8)
 
 
-def as_read_back(values: dict[str, Any]) -> dict[str, Any]:
-    """As they are read back: sequences become lists. Raises DataError on other values."""
+def json_copy(values: dict[str, Any]) -> dict[str, Any]:
+    """The values as JSON gives them back, with lists for sequences. Raises DataError on others."""
     try:
-        read = json.loads(json.dumps(values))
+        copy = json.loads(json.dumps(values))
     except (TypeError, ValueError):
         raise DataError(f"made_by: {values!r}, expected plain values") from None
-    if not isinstance(read, dict):
-        raise DataError(f"made_by: {read!r}, expected a dict, as fingerprint() gives")
-    return read
+    if not isinstance(copy, dict):
+        raise DataError(f"made_by: {copy!r}, expected a dict, as fingerprint() gives")
+    return copy
 
 
 def _plain_leaf(where: str, value: Any) -> Any:
@@ -110,6 +110,6 @@ def _plain_leaf(where: str, value: Any) -> Any:
     if value is None or isinstance(value, bool | int | float | str):
         return value
     raise DataError(
-        f"{where}: a {type(value).__name__}, expected a plain value that says what made the "
-        "descriptors; where it has no say, name it with an underscore in front"
+        f"{where}: a {type(value).__name__}, expected a plain value; if it has no effect on the "
+        "descriptors, begin its name with an underscore"
     )

@@ -11,7 +11,7 @@ from deepring.methods.base import Method, index_of
 from deepring.search.correlation_index import SearchSettings
 from deepring.search.hits import Hits, Index
 
-#: Best places that are kept per query: as many as Recall@5 asks for.
+#: Places per query: as many as Recall@5 needs.
 BEST = 5
 
 #: Every place is compared in float32, so that figures do not depend on a search's shortcuts.
@@ -19,10 +19,10 @@ EXACT = SearchSettings(precision="float32", code=None)
 
 
 def fill_index(method: Method, descriptors: Iterable[Tensor]) -> Index:
-    """The method's index, which compares all places exactly, with the database's descriptors.
+    """The method's index over the database's descriptors, which compares all places exactly.
 
     Args:
-        method: that described them.
+        method: the one that made the descriptors.
         descriptors: batches (b, ...) on any device.
 
     Raises:
@@ -35,14 +35,14 @@ def fill_index(method: Method, descriptors: Iterable[Tensor]) -> Index:
 
 
 def look_up(index: Index, descriptors: Iterable[Tensor], k: int = BEST) -> tuple[Hits, float]:
-    """The ``k`` best places of each query, on the CPU, and seconds per query that finding took.
+    """The ``k`` best places of each query, on the CPU, and the seconds per query.
 
     Fewer than ``k`` where the index holds or compares fewer.
 
     Args:
         index: of the database.
         descriptors: batches (b, ...) of queries on any device; making them is not timed.
-        k: best places wanted.
+        k: places per query.
 
     Raises:
         DataError: descriptors or scores that are not finite.
@@ -52,7 +52,7 @@ def look_up(index: Index, descriptors: Iterable[Tensor], k: int = BEST) -> tuple
     for batch in descriptors:
         if not hits:
             index.search(_finite("queries", batch[:1]), k)  # a first search may compile
-        if _finite("queries", batch).is_cuda:  # else what is still being described is timed
+        if _finite("queries", batch).is_cuda:  # else unfinished work on the GPU is timed
             torch.cuda.synchronize(batch.device)
         started = time.perf_counter()
         hits.append(_on_cpu(index.search(batch, k)))

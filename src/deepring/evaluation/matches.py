@@ -1,4 +1,4 @@
-"""What a method retrieved for each query, in memory and as a CSV file."""
+"""Matches: the places that a method retrieved for each query, in memory and as a CSV file."""
 
 import csv
 import json
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from deepring.errors import DataError, DeepringError, FileError
 from deepring.evaluation.case import Case
+from deepring.evaluation.csv_errors import CSV_ERRORS, csv_reason
 from deepring.evaluation.distances import HasPositions, distances_to
 from deepring.io.files import replacing
 from deepring.search.hits import Hits
@@ -27,7 +28,7 @@ COLUMNS = ("query", "place", "score", "turn", "distance", "nearest")
 class TopMatches:
     """The k best places of each of q queries, best first.
 
-    Raises DataError for arrays of shapes that disagree.
+    Raises DataError for arrays whose shapes disagree.
     """
 
     case: Case
@@ -36,9 +37,9 @@ class TopMatches:
     place: NDArray[np.int64]
     """(q, k) numbers of the places' scans in the database's session."""
     score: NDArray[np.float32]
-    """(q, k) higher is more alike. The first is the one that a threshold is held against."""
+    """(q, k) higher is more alike; thresholds are compared with the first."""
     turn: NDArray[np.float32] | None
-    """(q, k) the turn of the points from place to query, radians; None where not known."""
+    """(q, k) the turn of the points from place to query, radians; None if it is unknown."""
     distance: NDArray[np.float32]
     """(q, k) metres from the query to the place."""
     nearest: NDArray[np.float32]
@@ -69,9 +70,9 @@ class TopMatches:
         hits: Hits,
         nearest: NDArray[np.float32],
     ) -> "TopMatches":
-        """What a search of the database gave: ``hits`` (q, k) on the CPU.
+        """The matches of a search of the database with the result ``hits`` (q, k), on the CPU.
 
-        ``nearest`` are the metres (q,) that `nearest_distances` gives.
+        ``nearest`` (q,) are the distances that `nearest_distances` gives.
         """
         rows = hits.place.numpy()
         return cls(
@@ -86,16 +87,16 @@ class TopMatches:
 
 
 def write_matches(folder: str | Path, matches: TopMatches) -> Path:
-    """Write the best place of each query below ``retrievals/`` in a run's folder; the file's path.
+    """Write the best place of each query below ``retrievals/`` in a run's folder.
 
-    Folders are created as needed. Raises FileError where another case's file lies under the same
-    name, or the file cannot be written.
+    Returns the file's path. Folders are created as needed. Raises FileError if the file exists and
+    holds another case, or cannot be written.
     """
     path = Path(folder) / FOLDER / matches.case.file_name(".csv")
-    if path.exists() and (other := _case_at(path)) != matches.case:
+    if path.exists() and (present := _case_at(path)) != matches.case:
         raise FileError(
-            f"{path}: holds the retrievals of {other}, expected those of {matches.case}; give the "
-            "methods labels that differ in letters or digits, or delete the file"
+            f"{path}: holds the retrievals of {present}, expected those of {matches.case}; give "
+            "the methods labels that differ in letters or digits, or delete the file"
         )
     m = matches
     turns = repeat("") if m.turn is None else m.turn[:, 0].tolist()
@@ -110,7 +111,7 @@ def write_matches(folder: str | Path, matches: TopMatches) -> Path:
 
 
 def read_matches(path: str | Path) -> TopMatches:
-    """Read what `write_matches` wrote: one place per query, every number the same again.
+    """Read what `write_matches` wrote: one place per query, with exactly the same numbers.
 
     Raises FileError for a file that is missing or holds something else, naming the line.
     """
@@ -123,8 +124,8 @@ def read_matches(path: str | Path) -> TopMatches:
             if tuple(next(reader, [])) != COLUMNS:
                 raise FileError(f"{path}, line 2: expected {','.join(COLUMNS)!r}; {_AGAIN}")
             rows = [_parse(path, reader.line_num + 1, row) for row in reader if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise FileError(f"{path}: {error}; {_WANTED}") from error
+    except CSV_ERRORS as error:
+        raise FileError(f"{path}: {csv_reason(error)}; {_EXPECTED}") from error
     query, place, score, turn, distance, nearest = zip(*rows, strict=True) if rows else [()] * 6
     return TopMatches(
         case=case,
@@ -138,7 +139,7 @@ def read_matches(path: str | Path) -> TopMatches:
 
 
 def matches_in(folder: str | Path) -> Iterator[TopMatches]:
-    """All that lie in a run's folder, sorted by file name; none where there are none."""
+    """All matches in a run's folder, sorted by file name."""
     return map(read_matches, sorted((Path(folder) / FOLDER).glob("*.csv")))
 
 
@@ -147,8 +148,8 @@ def _case_at(path: Path) -> Case:
     try:
         with path.open(encoding="utf-8", newline="") as file:
             line = file.readline()
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"{path}: {error}; {_WANTED}") from error
+    except CSV_ERRORS as error:
+        raise FileError(f"{path}: {csv_reason(error)}; {_EXPECTED}") from error
     try:
         return Case(**json.loads(line.removeprefix("# ")))
     except (DeepringError, TypeError, ValueError):
@@ -168,9 +169,9 @@ def _parse(
     except ValueError:
         raise FileError(
             f"{path}, line {line}: {','.join(row)!r}; expected two whole numbers and four floats "
-            f"({', '.join(COLUMNS)}), turn empty where not known; {_AGAIN}"
+            f"({', '.join(COLUMNS)}), the turn empty if it is unknown; {_AGAIN}"
         ) from None
 
 
 _AGAIN = "delete the file and run the evaluation again"
-_WANTED = f"expected the retrievals of an evaluation; {_AGAIN}"
+_EXPECTED = f"expected the retrievals of an evaluation; {_AGAIN}"

@@ -1,8 +1,8 @@
 """Retrieval metrics of the evaluation protocol: Recall@K, precision-recall, max-F1 and its AUC.
 
 A retrieval is right when the retrieved place lies within the radius; a query is answerable when
-some database place does. All that counts of a query are its top score and the rank of its first
-right place: `first_right` reduces whole score matrices to them, `first_right_among` the best k
+some database place does. A query counts by its top score and the rank of its first right
+place: `first_right` reduces whole score matrices to them, `first_right_among` the best k
 places at several radii. `recall_of_ranks` and `curve_of_ranks` count from there.
 """
 
@@ -14,11 +14,11 @@ import torch
 from torch import Tensor
 
 from deepring import checks
-from deepring.errors import ConfigError, DataError
+from deepring.errors import DataError
 
 Over = Literal["answerable", "all"]  # the queries that Recall@K is a share of
 
-#: The rank of a first right place that lies behind the places that are kept.
+#: The rank of a first right place that is not among the best k.
 BEHIND = torch.iinfo(torch.int64).max
 
 
@@ -34,7 +34,7 @@ def first_right(scores: Tensor, distances: Tensor, radius: float) -> tuple[Tenso
         Top score (q,) float32, and rank (q,) int64, counted from 1; 0 where unanswerable.
 
     Raises:
-        ConfigError: a radius that is no length.
+        ConfigError: a radius that is not above 0.
         DataError: shapes that differ, an empty database, NaN, or a negative distance.
 
     >>> first_right(torch.tensor([[0.9, 0.5]]), torch.tensor([[40.0, 3.0]]), radius=10.0)
@@ -64,7 +64,7 @@ def first_right_among(distances: Tensor, nearest: Tensor, radii: Sequence[float]
         radii: r revisit radii in metres; a place at exactly this distance is right.
 
     Raises:
-        ConfigError: a radius that is no length.
+        ConfigError: a radius that is not above 0.
         DataError: shapes that differ.
 
     >>> first_right_among(torch.tensor([[40.0, 3.0]]), torch.tensor([3.0]), (2.0, 10.0, 50.0)).T
@@ -95,7 +95,7 @@ def recall_at_k(
         0-dimensional float32 in [0, 1].
 
     Raises:
-        ConfigError: a radius that is no length, a bad ``k`` or ``over``.
+        ConfigError: a radius that is not above 0, another ``k`` or ``over``.
         DataError: as ``first_right``; no answerable query.
 
     >>> scores, distances = torch.tensor([[0.1], [0.9]]), torch.tensor([[4.0], [60.0]])
@@ -191,7 +191,7 @@ def _count_answerable(ranks: Tensor, radius: float) -> int:
     if not answerable:
         raise DataError(
             f"radius {radius:g} m: 0 of {len(ranks)} queries have a database place within it; "
-            "expected at least one; widen it, or check that both cover the same ground"
+            "expected at least one; widen it, or check that both sides cover the same ground"
         )
     return answerable
 
@@ -200,24 +200,25 @@ def _check_pair(scores: Tensor, distances: Tensor) -> None:
     if scores.ndim != 2 or scores.shape != distances.shape or not scores.shape[1]:
         raise DataError(
             f"scores {tuple(scores.shape)} and distances {tuple(distances.shape)}: expected both "
-            "(queries, database), with a database of at least one place; pass one of each a pair"
+            "(queries, database), with a database of at least one place; pass one of each per pair"
         )
     bad = int(scores.isnan().sum())
     if bad or not scores.is_floating_point():
         kind = str(scores.dtype).removeprefix("torch.")
-        raise DataError(f"scores: {kind}, {bad} NaN; expected floats; look for empty scans")
+        raise DataError(
+            f"scores: {kind}, {bad} NaN; expected floats without NaN; look for empty scans"
+        )
     bad = int((~(distances >= 0)).sum())
     if bad:
         raise DataError(f"distances: {bad} negative or NaN; expected metres; check the poses")
 
 
 def check_radius(radius: float) -> float:
-    """The radius, if it is a length in metres. Raises ConfigError otherwise."""
+    """The radius, if it is above 0. Raises ConfigError otherwise."""
     return checks.positive("radius", radius, "metres")
 
 
 def check_share(k: int, over: str) -> None:
-    """Raise ConfigError unless ``k`` is a whole number from 1 on and ``over`` an `Over`."""
-    if k < 1 or k != int(k):
-        raise ConfigError(f"k: {k}, expected a whole number of places, at least 1")
+    """Raise ConfigError unless ``k`` is a whole number of at least 1 and ``over`` an `Over`."""
+    checks.count("k", k)
     checks.one_of("over", over, Over)

@@ -1,4 +1,4 @@
-"""The evaluation protocol: one method on one retrieval task, to matches and results."""
+"""The evaluation protocol: matches and results of one method on one retrieval task."""
 
 import time
 from collections.abc import Iterable, Sequence
@@ -34,15 +34,15 @@ RADII = (10.0, 5.0, 15.0, 20.0, 25.0)
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a method retrieved, and its figures."""
+    """Matches and results of a method."""
 
     matches: TopMatches
     results: list[Result]
-    """One per radius, in the order given."""
+    """One per radius, in the order of the radii."""
 
     @property
     def case(self) -> Case:
-        """Which method was tested where."""
+        """The method, and where it was tested."""
         return self.matches.case
 
 
@@ -64,17 +64,17 @@ def evaluate_method(
 
     Args:
         case: as `RetrievalTask.case` gives it.
-        method: on ``device``, where the work is done.
+        method: on ``device``.
         task: in the method's raster.
         radii: the headline first.
-        best: places kept per query, at least 5.
-        device: the method's; None is the CPU.
+        best: matches per query, at least 5.
+        device: where the method describes scans; None is the CPU.
         progress: called with scans done and their total.
-        export: a folder into which both sides are written, each as one file that
-            `deepring.evaluation.scoring` counts again.
+        export: folder for the descriptors, one file per side, which
+            `deepring.evaluation.scoring` evaluates again.
 
     Raises:
-        ConfigError: no radius, or one that is no length.
+        ConfigError: no radius, or one that is not above 0.
         DataError: an empty side, or no query with an answer within the first radius, before
             anything is described.
     """
@@ -87,29 +87,29 @@ def evaluate_method(
             )
     nearest = nearest_distances(query, database)
     check_answerable(case, nearest, radii)
-    exported = None if export is None else Export(export, case, method)
+    writer = None if export is None else Export(export, case, method)
 
     places: Iterable[Tensor] = describe_batches(method, task.database, BATCH, device, progress)
     queries: Iterable[Tensor] = describe_batches(method, task.query, BATCH, device, progress)
-    if exported is not None:
+    if writer is not None:
         places = list(places)
     index = fill_index(method, places)
     per_scan = seconds_per_scan(method, query, device)
-    if exported is not None:
-        exported.add("database", database, torch.cat(list(places)), per_scan)
+    if writer is not None:
+        writer.add("database", database, torch.cat(list(places)), per_scan)
         queries = list(queries)
-        exported.add("query", query, torch.cat(queries), per_scan)
-        exported.write()
+        writer.add("query", query, torch.cat(queries), per_scan)
+        writer.write()
     hits, per_query = look_up(index, queries, best)
     matches = TopMatches.of_hits(case, query, database, hits, nearest)
     return Outcome(matches, count(matches, radii, len(database), Seconds(per_scan, per_query)))
 
 
 def check_answerable(case: Case, nearest: NDArray[np.float32], radii: Sequence[float]) -> None:
-    """Raise unless all radii are lengths and some query has a place within the first.
+    """Raise ConfigError unless all radii are above 0, and DataError if no query has an answer.
 
-    ``nearest`` are the metres (q,) from each query to the nearest place. Raises ConfigError for
-    radii, DataError where no query has an answer.
+    A query has an answer if ``nearest`` (q,), its distance from the nearest place in metres, is at
+    most the first radius.
     """
     if not radii:
         raise ConfigError("radii: empty, expected at least one radius in metres")
@@ -119,7 +119,7 @@ def check_answerable(case: Case, nearest: NDArray[np.float32], radii: Sequence[f
         raise DataError(
             f"{case.test}, region {case.region}: radius {radii[0]:g} m: 0 of {len(nearest)} "
             f"queries have a database place within it, the nearest lies at {nearest.min():.4g} m; "
-            "expected at least one; take a wider radius first, or check that both sides cover "
+            "expected at least one; begin with a wider radius, or check that both sides cover "
             "the same ground"
         )
 
@@ -129,7 +129,7 @@ def seconds_per_scan(
 ) -> float:
     """Median seconds from the points of a scan to its descriptor, one scan at a time.
 
-    Reading the file is left out; up to ``count`` scans, spread over the set.
+    Reading the files is not timed. Up to ``count`` scans are taken, spread over the set.
     """
     session = scans.session
     times = []

@@ -1,4 +1,4 @@
-"""A method with its best candidates aligned: further results beside its own."""
+"""Results of a method after its best candidates are aligned, beside its own results."""
 
 import time
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from deepring.localization.location import best_fit
 from deepring.progress import Progress
 from deepring.search.hits import Hits
 
-#: What a re-ranked method is called in results, so that nobody takes one row for another.
+#: Labels of re-ranked methods in results, so that their rows cannot be confused.
 NAMES: dict[Rerank, str] = {
     "pose": "{} + pose re-ranking",
     "locate": "{} + map poses (localisation)",
@@ -34,7 +34,7 @@ class Order(NamedTuple):
     place: Tensor
     """(k,) int64 rows of the database, best first."""
     score: Tensor
-    """(k,) the fit that the decision for the first is made by; the others repeat it."""
+    """(k,) the fit of the best place, repeated for the others."""
 
 
 def evaluate_reranked(
@@ -44,13 +44,13 @@ def evaluate_reranked(
     settings: RerankSettings,
     progress: Progress | None = None,
 ) -> list[Outcome]:
-    """Outcomes of the same method on the same task, one per mode.
+    """Outcomes of the same method on the same task after re-ranking, one per mode.
 
     Args:
         outcome: of the method alone, with at least ``settings.candidates`` matches per query.
-        task: the same scans as occupancy from above, of 120 x 120 cells or as set.
+        task: the same scans as occupancy from above, of the size in ``settings.alignment``.
         modes: 'pose', 'locate'.
-        settings: of candidates and alignment.
+        settings: how candidates are selected and aligned.
         progress: called with queries done and their total.
     """
     matches, query, database = outcome.matches, task.scans.query, task.scans.database
@@ -68,7 +68,7 @@ def evaluate_reranked(
             order = (
                 _by_pose(place, alignment, settings)
                 if mode == "pose"
-                else _located(place, alignment, poses, settings)
+                else _by_location(place, alignment, poses, settings)
             )
             orders[mode].append(order)
         if progress is not None:
@@ -82,26 +82,26 @@ def evaluate_reranked(
     for mode in modes:
         place, score = map(torch.stack, zip(*orders[mode], strict=True))
         case = replace(outcome.case, method=NAMES[mode].format(outcome.case.method))
-        ordered = TopMatches.of_hits(
+        ranking = TopMatches.of_hits(
             case, query, database, Hits(place, score, None), matches.nearest
         )
-        outcomes.append(Outcome(ordered, count(ordered, radii, len(database), seconds)))
+        outcomes.append(Outcome(ranking, count(ranking, radii, len(database), seconds)))
     return outcomes
 
 
 def planar_poses(scans: ScanSet) -> Tensor:
-    """x, y and heading in the world of each scan as it was shown to the method: (n, 3)."""
+    """x, y and heading (n, 3) in the world of each scan, after the turn of its points."""
     heading = scans.headings if scans.turns is None else scans.headings - scans.turns
     return torch.from_numpy(np.column_stack([scans.positions, heading]))
 
 
 def _by_pose(places: Tensor, alignment: Alignment, settings: RerankSettings) -> Order:
-    """The candidates by how near the query seems to be."""
+    """The candidates, ordered by their distance from the query by the alignment."""
     order = by_pose(alignment, settings)
     return Order(places[order], alignment.score[order[0]].expand(len(order)))
 
 
-def _located(
+def _by_location(
     places: Tensor, alignment: Alignment, poses: Tensor, settings: RerankSettings
 ) -> Order:
     """The places of the whole database nearest to where the best candidate puts the query."""

@@ -1,4 +1,4 @@
-"""Scoring exported descriptors: the protocol's look-up, without scans, images or weights."""
+"""Scores of exported descriptors: the protocol without scans, images or weights."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -31,15 +31,16 @@ def score_descriptors(
     device: torch.device | None = None,
     progress: Progress | None = None,
 ) -> Outcome:
-    """Count as `evaluate_method` does, on what it has exported, at any radii (metres).
+    """Evaluate exported descriptors as `evaluate_method` does, at any radii (metres).
 
-    On the device that described them the outcome is the same, but for ``seconds_per_query``,
-    which is measured anew; ``seconds_per_scan`` is the one measured at the export.
+    On the device that made them the outcome is the same, except ``seconds_per_query``, which is
+    measured again; ``seconds_per_scan`` was measured at the export.
 
     Raises:
-        DataError: sides that were not made by one and the same thing or not for the same
-            region, a method that did not make them (a network on the device 'meta' is told by
-            all but its weights), no radius, and no query that has a place within the first.
+        ConfigError: no radius, or one that is not above 0.
+        DataError: sides of different methods or regions; a method that did not make them (for a
+            network on the device 'meta' the weights are not compared); no query that has a place
+            within the first radius.
     """
     _check_pair(query, database)
     _check_method(method, query)
@@ -54,7 +55,7 @@ def score_descriptors(
 
 @dataclass(frozen=True)
 class Pair:
-    """The two files of a method on a retrieval set."""
+    """The two descriptor files of a method on a retrieval task."""
 
     database: Path
     query: Path
@@ -63,35 +64,36 @@ class Pair:
 def find_pairs(folder: str | Path) -> list[Pair]:
     """The pairs of descriptor files in a folder or in its ``descriptors/``, by name.
 
-    Raises FileError where the folder is missing, holds none, or a file lacks its other side.
+    Raises FileError if the folder is missing, holds no files, or one side of a pair is missing.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise FileError(
-            f"{folder}: no such folder; expected a run's, or its {FOLDER}/ with exported files"
+            f"{folder}: no such folder; expected the folder of a run, or its {FOLDER}/ with "
+            "exported files"
         )
     inside = folder / FOLDER
-    searched = inside if inside.is_dir() else folder
+    source = inside if inside.is_dir() else folder
     endings = {side: f"__{side}{ENDING}" for side in ("database", "query")}
     stems = {
         path.name.removesuffix(ending)
         for ending in endings.values()
-        for path in searched.glob(f"*{ending}")
+        for path in source.glob(f"*{ending}")
         if not path.name.startswith(".")
     }
     if not stems:
         raise FileError(
-            f"{searched}: no descriptor files in it (*{endings['database']} and "
+            f"{source}: no descriptor files in it (*{endings['database']} and "
             f"*{endings['query']}); expected at least one pair; export some, or name another folder"
         )
     pairs = []
     for stem in sorted(stems):
-        pair = Pair(*(searched / f"{stem}{ending}" for ending in endings.values()))
-        for path, other in ((pair.database, pair.query), (pair.query, pair.database)):
+        pair = Pair(*(source / f"{stem}{ending}" for ending in endings.values()))
+        for path, partner in ((pair.database, pair.query), (pair.query, pair.database)):
             if not path.is_file():
                 raise FileError(
-                    f"{path}: missing, but its other side is there; expected both; export again, "
-                    f"or delete {other.name}"
+                    f"{path}: missing, but its other side {partner.name} exists; expected both; "
+                    f"export again, or delete {partner.name}"
                 )
         pairs.append(pair)
     return pairs
@@ -105,11 +107,11 @@ def score_pair(
 ) -> Outcome:
     """`score_descriptors` of two files, with the method rebuilt from their fingerprint.
 
-    ``own_class`` is the user's class, or its dotted path, where the files are of a method that is
-    not registered. Raises as `read_descriptors`, `rebuild_method` and `score_descriptors` do.
+    ``own_class`` is the class of a method that is not registered, or its dotted path.
+    Raises as `read_descriptors`, `rebuild_method` and `score_descriptors` do.
     """
     query, database = read_descriptors(pair.query), read_descriptors(pair.database)
-    _check_pair(query, database)  # before what only one of them names is built
+    _check_pair(query, database)  # before a method is built from one of them
     method = rebuild_method(query.made_by, own_class)
     try:
         return score_descriptors(method, query, database, radii, progress=progress)
@@ -117,7 +119,7 @@ def score_pair(
         if "meta" not in str(error):
             raise
         raise DataError(
-            f"{_named(query)}: {query.made_by['method']} compares with its weights, which are not "
+            f"{_title(query)}: {query.made_by['method']} compares with its weights, which are not "
             "in the files; score them with score_descriptors in Python and the trained network"
         ) from error
 
@@ -135,12 +137,12 @@ def _batches(
 
 
 def _check_pair(query: DescriptorSet, database: DescriptorSet) -> None:
-    """That one and the same thing made both, for the same region."""
+    """Raise DataError unless the same method made both, for the same region."""
     for side, descriptors in (("query", query), ("database", database)):
         if descriptors.side != side:
             raise DataError(
-                f"{_named(descriptors)}: given as the {side}, but they are the "
-                f"{descriptors.side}'s; expected one of each; exchange them"
+                f"{_title(descriptors)}: the {descriptors.side} in place of the {side}; expected "
+                "one of each; exchange them"
             )
     ours, theirs = (
         {"made_by": side.made_by, **side.case.columns, "shape": list(side.descriptors.shape[1:])}
@@ -148,18 +150,18 @@ def _check_pair(query: DescriptorSet, database: DescriptorSet) -> None:
     )
     difference = first_difference(ours, theirs)
     if difference is not None:
-        key, value, other = difference
+        key, query_value, database_value = difference
         raise DataError(
-            f"{_named(query)}: {key} is {value!r} for the query's and {other!r} for the "
-            "database's; expected both to be made by the same method, settings and weights, for "
+            f"{_title(query)}: {key} is {query_value!r} for the query and {database_value!r} for "
+            "the database; expected both to be made by the same method, settings and weights, for "
             "the same region; export both sides together"
         )
 
 
 def _check_method(method: Method, descriptors: DescriptorSet) -> None:
-    """That the method made the descriptors, by its fingerprint.
+    """Raise DataError unless the method made the descriptors, by its fingerprint.
 
-    Rasters are not drawn again, so that another version of them does no harm; weights count where
+    The version of the rasters is not compared, since no raster is made again; the weights are if
     the method has them.
     """
     made_by, ignored = fingerprint(method), {"raster_version"}
@@ -171,12 +173,12 @@ def _check_method(method: Method, descriptors: DescriptorSet) -> None:
     )
     difference = first_difference({"made_by": ours}, {"made_by": theirs})
     if difference is not None:
-        key, value, wanted = difference
+        key, value, value_there = difference
         raise DataError(
-            f"{_named(descriptors)}: {key} is {value!r} for the method and {wanted!r} for the one "
-            "that made them; expected the same; take that method, or export again with this one"
+            f"{_title(descriptors)}: {key} is {value!r} for the method and {value_there!r} for the "
+            "one that made them; expected the same; take that method, or export again with this one"
         )
 
 
-def _named(descriptors: DescriptorSet) -> str:
+def _title(descriptors: DescriptorSet) -> str:
     return f"descriptors of {descriptors.method} on {descriptors.test}, {descriptors.region}"

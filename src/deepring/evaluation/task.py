@@ -1,4 +1,4 @@
-"""A retrieval task: queries and database, and the rasters of both that a method describes."""
+"""Retrieval tasks: queries and database, with the rasters of both."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ from deepring.rasters import Raster
 
 @dataclass(frozen=True, eq=False)
 class RetrievalTask:
-    """Queries to be looked up in a database, as one kind of raster shows them."""
+    """Queries and the database in which they are looked up, as rasters of one kind."""
 
     scans: RetrievalSet
     """Name and region, and the scans of both sides."""
@@ -24,25 +24,26 @@ class RetrievalTask:
     query: Rasters
 
     def case(self, method: str, train: str = "") -> Case:
-        """A method on this task; ``train`` names what it was trained on."""
+        """The case of a method on this task; ``train`` names its training datasets."""
         return Case(method, train, self.scans.name, self.scans.region)
 
 
 def load_task(cache: RasterCache, scans: RetrievalSet, raster: Raster) -> RetrievalTask:
     """The rasters of both sides; scans that cannot be read are left out, with a warning.
 
-    Raises DeepringError where none of a side can be read.
+    Raises DeepringError if no scan of a side can be read.
     """
     where = f"{scans.name} {scans.region}"
-    database, shown = load_rasters(cache, scans.database, raster, f"{where}: database")
-    query, asked = load_rasters(cache, scans.query, raster, f"{where}: queries")
-    return RetrievalTask(RetrievalSet(scans.name, scans.region, database, query), shown, asked)
+    database, database_rasters = load_rasters(cache, scans.database, raster, f"{where}: database")
+    query, query_rasters = load_rasters(cache, scans.query, raster, f"{where}: queries")
+    readable = RetrievalSet(scans.name, scans.region, database, query)
+    return RetrievalTask(readable, database_rasters, query_rasters)
 
 
 def rows_of(scans: ScanSet, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Where in the set the scans lie that have these numbers in their session; of any shape.
+    """Rows in the set, of the shape of ``numbers``, of the scans with these session numbers.
 
-    Raises DataError for a number that no scan of the set has.
+    Raises DataError for a number of no scan in the set.
     """
     order = np.argsort(scans.indices)
     place = np.searchsorted(scans.indices, numbers, sorter=order)
@@ -51,6 +52,6 @@ def rows_of(scans: ScanSet, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
     if absent.size:
         raise DataError(
             f"scans {sorted(set(absent.tolist()))[:3]} of session {scans.session.name}: not among "
-            "those that are at hand; expected all that were retrieved; evaluate again"
+            "the scans that can be read; expected all scans of the retrievals; evaluate again"
         )
     return rows

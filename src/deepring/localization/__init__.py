@@ -1,1 +1,1 @@
-"""Where a query is: alignment of candidates, maps, loop closures, calibration."""
+"""Position of a query: alignment of candidates, maps, loop closures, calibration."""

@@ -19,7 +19,7 @@ from deepring.errors import ConfigError, DataError
 
 @dataclass(frozen=True)
 class AlignmentSettings:
-    """Of images of ``cells`` x ``cells`` over [-extent, extent] metres."""
+    """Settings for images of ``cells`` x ``cells`` over [-extent, extent] metres."""
 
     cells: int = 120
     extent: float = 70.0
@@ -30,7 +30,7 @@ class AlignmentSettings:
     reach: float = 40.0
     """Largest shift along x and y, metres."""
     step: float = math.radians(3.0)
-    """Yaws that are tried beside each of those given."""
+    """Each turn is also tried smaller and larger by this, radians."""
 
     def __post_init__(self) -> None:
         checks.count("alignment.cells", self.cells)
@@ -41,7 +41,7 @@ class AlignmentSettings:
 
     @property
     def cell(self) -> float:
-        """Metres."""
+        """Side of a cell, metres."""
         return 2 * self.extent / self.cells
 
     @property
@@ -51,7 +51,7 @@ class AlignmentSettings:
 
 
 class Alignment(NamedTuple):
-    """Where a query lies in the frames of n map scans."""
+    """Pose of a query in the frames of n map scans."""
 
     score: Tensor
     """(n,) height of the correlation's peak, at most 1."""
@@ -66,14 +66,17 @@ def occupied_cells(image: Tensor, settings: AlignmentSettings) -> Tensor:
     if image.shape != (settings.cells, settings.cells):
         raise DataError(
             f"image: shape {tuple(image.shape)}, expected ({settings.cells}, {settings.cells}), "
-            "as alignment.cells says"
+            "as alignment.cells states"
         )
     return (image.nonzero().float() + 0.5) * settings.cell - settings.extent
 
 
 def half_whitened(images: Tensor, settings: AlignmentSettings) -> Tensor:
-    """Spectra (n, padded, padded // 2 + 1) of images (n, cells, cells), of unit norm over all
-    frequencies, blurred, without their mean, divided by the root of their sizes."""
+    """Spectra (n, padded, padded // 2 + 1) of images (n, cells, cells).
+
+    They are blurred, without the mean, divided by the root of their sizes, and of unit norm over
+    all frequencies.
+    """
     spectrum = torch.fft.rfft2(images.float(), s=(settings.padded, settings.padded))
     spectrum = spectrum * _gaussian(settings).to(images.device)
     size = spectrum.abs()
@@ -89,16 +92,17 @@ def align(cells: Tensor, spectra: Tensor, turns: Tensor, settings: AlignmentSett
     Args:
         cells: (m, 2) occupied cells of the query, metres, see `occupied_cells`.
         spectra: (n, ...) of the map scans, see `half_whitened`.
-        turns: (n, y) radians to try, each also a ``step`` less and more: turns of the points from
-            map scan to query. A descriptor that cannot tell a turn from its opposite gives both.
-        settings: of images and transforms.
+        turns: (n, y) radians, turns of the points from map scan to query that are tried, each
+            also one ``step`` smaller and larger. A descriptor that cannot tell a turn from its
+            opposite gives both.
+        settings: images and transforms.
     """
     offsets = settings.step * torch.tensor([-1.0, 0.0, 1.0], device=turns.device)
-    tried = turns[..., None] + offsets  # (n, y, 3)
-    heights = _correlate(cells, spectra[:, None, None], tried, settings).amax(dim=(-2, -1))
+    trial_turns = turns[..., None] + offsets  # (n, y, 3)
+    heights = _correlate(cells, spectra[:, None, None], trial_turns, settings).amax(dim=(-2, -1))
     which = heights.amax(dim=-1).argmax(dim=-1)  # (n,)
-    every = torch.arange(len(turns), device=turns.device)
-    turn = turns[every, which] + settings.step * _vertex(*heights[every, which].unbind(dim=-1))
+    rows = torch.arange(len(turns), device=turns.device)
+    turn = turns[rows, which] + settings.step * _vertex(*heights[rows, which].unbind(dim=-1))
     score, shift = _peak(_correlate(cells, spectra, turn, settings))
     return Alignment(
         score, torch.remainder(turn + math.pi, 2 * math.pi) - math.pi, shift * settings.cell
@@ -129,12 +133,12 @@ def _correlate(
     cells: Tensor, spectra: Tensor, turns: Tensor, settings: AlignmentSettings
 ) -> Tensor:
     """Correlation (..., 2r + 1, 2r + 1) over shifts in cells, up to r along x and y."""
-    turned = half_whitened(turned_images(cells, turns, settings), settings)
+    query = half_whitened(turned_images(cells, turns, settings), settings)
     side = settings.padded
-    curves = torch.fft.irfft2(spectra * turned.conj(), s=(side, side)) * side**2
+    curves = torch.fft.irfft2(spectra * query.conj(), s=(side, side)) * side**2
     reach = settings.shifts
-    rolled = curves.roll((reach, reach), dims=(-2, -1))
-    return rolled[..., : 2 * reach + 1, : 2 * reach + 1]
+    window = curves.roll((reach, reach), dims=(-2, -1))
+    return window[..., : 2 * reach + 1, : 2 * reach + 1]
 
 
 def _peak(curves: Tensor) -> tuple[Tensor, Tensor]:
@@ -143,14 +147,14 @@ def _peak(curves: Tensor) -> tuple[Tensor, Tensor]:
     height, flat = curves.flatten(1).max(dim=1)
     i = (flat // side).clamp(1, side - 2)
     j = (flat % side).clamp(1, side - 2)
-    every = torch.arange(len(curves), device=curves.device)
-    along_x = _vertex(*(curves[every, i + d, j] for d in (-1, 0, 1)))
-    along_y = _vertex(*(curves[every, i, j + d] for d in (-1, 0, 1)))
+    rows = torch.arange(len(curves), device=curves.device)
+    along_x = _vertex(*(curves[rows, i + d, j] for d in (-1, 0, 1)))
+    along_y = _vertex(*(curves[rows, i, j + d] for d in (-1, 0, 1)))
     return height, torch.stack([i + along_x, j + along_y], dim=1) - side // 2
 
 
 def _vertex(before: Tensor, middle: Tensor, after: Tensor) -> Tensor:
-    """Where the parabola through three values is largest, in steps from the middle, in [-1, 1]."""
+    """Peak of the parabola through three values, in steps from the middle, in [-1, 1]."""
     bend = (2 * middle - before - after).clamp_min(1e-12)
     # Where the middle is not the largest the vertex lies outside, or is a minimum.
     return ((after - before) / (2 * bend)).clamp(-1.0, 1.0)

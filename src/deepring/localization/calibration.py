@@ -17,18 +17,18 @@ from deepring.localization.map import Map
 
 Floats = NDArray[np.float64]
 
-#: Least fits that are tried.
+#: Thresholds of the fit that are tried.
 FITS = np.round(np.arange(0.05, 0.605, 0.01), 2)
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How near to the truth a location is correct, and how near the map has to be to expect one."""
+    """Errors up to which a location is correct, and the distance up to which one is expected."""
 
     metres: float = 2.0
     degrees: float = 5.0
     reach: float = 20.0
-    """Metres from a scan to the nearest map place, up to which it should be located."""
+    """A scan should be located if a map place lies within this distance, metres."""
 
     def __post_init__(self) -> None:
         for name in ("metres", "degrees", "reach"):
@@ -36,7 +36,7 @@ class Tolerance:
 
 
 class LocalizationTrials(NamedTuple):
-    """n scans located in a map, beside the truth."""
+    """Locations of n scans in a map, compared with the truth."""
 
     fit: Floats
     ratio: Floats
@@ -48,16 +48,16 @@ class LocalizationTrials(NamedTuple):
     """(n,) metres from the true position to the nearest map place."""
 
     def correct(self, tolerance: Tolerance) -> NDArray[np.bool_]:
-        """(n,) which locations are correct."""
+        """Mask (n,) of the correct locations."""
         return (self.metres < tolerance.metres) & (self.degrees < tolerance.degrees)
 
     def trusted(self, thresholds: AcceptanceThresholds) -> NDArray[np.bool_]:
-        """(n,) which are trusted."""
+        """Mask (n,) of the locations that reach the thresholds."""
         return np.asarray(thresholds.accept(self.fit, self.ratio))
 
 
 class Calibration(NamedTuple):
-    """Thresholds and what they did on the trials they were chosen by."""
+    """Thresholds, and their precision and recall on the trials."""
 
     thresholds: AcceptanceThresholds
     precision: float
@@ -71,8 +71,13 @@ class Calibration(NamedTuple):
 def run_trials(
     place_map: Map, scans: Iterable[tuple[Points, Floats]], ground_z: float | None = None
 ) -> LocalizationTrials:
-    """Locate scans (n, 3) with their poses (4, 4) in the map's world; z of their ground where it
-    is not the map's."""
+    """Locate scans in a map, and compare with their poses.
+
+    Args:
+        place_map: the map.
+        scans: points (n, 3), and the pose (4, 4) of each scan in the map's world.
+        ground_z: z of the ground in the scans' frame, metres; None for the map's.
+    """
     rows = []
     places = place_map.places.positions
     for points, pose in scans:
@@ -90,14 +95,14 @@ def run_trials(
 
 
 def concatenate(trials: Sequence[LocalizationTrials]) -> LocalizationTrials:
-    """All of them as one."""
+    """Several trials as one."""
     return LocalizationTrials(*(np.concatenate(parts) for parts in zip(*trials, strict=True)))
 
 
 def calibrate(
     trials: LocalizationTrials, precision: float, tolerance: Tolerance | None = None
 ) -> Calibration:
-    """The thresholds that trust the most correct locations at a precision of at least this.
+    """The thresholds that trust the most correct locations at the required precision.
 
     One more trusted location is counted as wrong, so that a precision of 0.99 needs at least 99
     correct ones. Raises ConfigError for a precision that is no share between 0 and 1, and
@@ -108,17 +113,17 @@ def calibrate(
     correct = trials.correct(tolerance)
     most, thresholds = 0, None
     for fit in FITS:
-        # Among those that fit, by falling ratio: correct and all up to each.
+        # The locations that fit, by falling ratio, and how many of the first are correct.
         order = np.flatnonzero(trials.fit >= fit)
         order = order[np.argsort(-trials.ratio[order], kind="stable")]
         good = np.cumsum(correct[order])
         enough = good >= precision * (np.arange(1, len(order) + 1) + 1)
         # A ratio that several share cannot be cut between them.
         last = np.append(np.diff(trials.ratio[order]) != 0, True)[: len(order)]
-        reached = np.flatnonzero(enough & last)
-        if len(reached) and good[reached[-1]] >= most:
-            most = int(good[reached[-1]])
-            thresholds = AcceptanceThresholds(float(fit), float(trials.ratio[order[reached[-1]]]))
+        cuts = np.flatnonzero(enough & last)
+        if len(cuts) and good[cuts[-1]] >= most:
+            most = int(good[cuts[-1]])
+            thresholds = AcceptanceThresholds(float(fit), float(trials.ratio[order[cuts[-1]]]))
     if thresholds is None:
         raise DataError(
             f"precision: {precision:g} is reached by no thresholds: {int(correct.sum())} of "
@@ -133,7 +138,7 @@ def evaluate_thresholds(
     thresholds: AcceptanceThresholds,
     tolerance: Tolerance | None = None,
 ) -> Calibration:
-    """What thresholds do on trials."""
+    """Precision and recall of thresholds on trials."""
     tolerance = tolerance or Tolerance()
     correct, trusted = trials.correct(tolerance), trials.trusted(thresholds)
     both, reachable = int((correct & trusted).sum()), trials.nearest <= tolerance.reach

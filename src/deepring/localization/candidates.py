@@ -21,21 +21,21 @@ from deepring.localization.alignment import (
 )
 
 Rerank = Literal["pose", "locate"]
-"""By the distance estimated from scans; by the position that the map's poses give."""
+"""Order by the distance estimated from the scans, or by the position from the map's poses."""
 
 
 @dataclass(frozen=True)
 class RerankSettings:
-    """How candidates are aligned and chosen from."""
+    """How many candidates are aligned, and how they are ordered."""
 
     candidates: int = 25
     close: float = 0.65
-    """Share of the best fit from which on a candidate counts as fitting, in `by_pose`."""
+    """A candidate fits if its fit is at least this share of the best one; see `by_pose`."""
     apart: float = 15.0
-    """Metres from which on two positions of the query contradict each other."""
+    """Two positions of the query contradict each other if they lie further apart, metres."""
     spread: float = 5.0
-    """Metres between candidates, where the map's poses are known: those of a dense map would all be
-    neighbours, and none of them could contradict the best."""
+    """Smallest distance between candidates, metres, where the map's poses are known. Otherwise the
+    candidates of a dense map would all be neighbours, and none could contradict the best."""
     alignment: AlignmentSettings = field(default_factory=AlignmentSettings)
 
     def __post_init__(self) -> None:
@@ -52,37 +52,41 @@ def align_candidates(
 
     Args:
         image: (n, n) occupancy of the query.
-        turn: (k,) radians, turns of the points from place to query that the search found; they
-            and their opposites are tried. None tries the whole turn.
+        turn: (k,) radians, the turns of the points from place to query by the search; each and
+            its opposite are tried. None tries turns all around.
         places: (k, n, n) occupancy of the candidates.
-        settings: of the alignment.
+        settings: how candidates are aligned.
     """
     alignment = settings.alignment
     if turn is None or torch.isnan(turn).any():
-        step = 3 * alignment.step  # each is tried a step less and more
-        tried = torch.arange(0, 2 * math.pi, step).expand(len(places), -1)
+        step = 3 * alignment.step  # each is also tried one step smaller and larger
+        trial_turns = torch.arange(0, 2 * math.pi, step).expand(len(places), -1)
     else:
-        tried = torch.stack([turn, turn + math.pi], dim=1)
+        trial_turns = torch.stack([turn, turn + math.pi], dim=1)
     cells = occupied_cells(image, alignment)
-    return align(cells, half_whitened(places, alignment), tried, alignment)
+    return align(cells, half_whitened(places, alignment), trial_turns, alignment)
 
 
 def spread_out(positions: Tensor, settings: RerankSettings) -> Tensor:
-    """Numbers of the first ``candidates`` of positions (k, 2), best first, that lie ``spread``
-    metres or more from all better ones that are taken."""
+    """Indices of up to ``candidates`` of the positions (k, 2), which come best first.
+
+    A position is selected if it lies at least ``spread`` metres from all selected before it.
+    """
     away = torch.cdist(positions, positions)
-    taken: list[int] = []
+    selection: list[int] = []
     for k in range(len(positions)):
-        if len(taken) == settings.candidates:
+        if len(selection) == settings.candidates:
             break
-        if not taken or bool((away[k, taken] >= settings.spread).all()):
-            taken.append(k)
-    return torch.tensor(taken, dtype=torch.int64)
+        if not selection or bool((away[k, selection] >= settings.spread).all()):
+            selection.append(k)
+    return torch.tensor(selection, dtype=torch.int64)
 
 
 def by_pose(alignment: Alignment, settings: RerankSettings) -> Tensor:
-    """The candidates' numbers (k,), best first: those that fit, by how near the query seems to
-    be; then the others by their fit."""
+    """Indices (k,) of the candidates, best first.
+
+    Those that fit come first, by their distance from the query; then the others, by their fit.
+    """
     fit = alignment.score
     fits = fit >= settings.close * fit.max()
     away = torch.linalg.vector_norm(alignment.position, dim=-1)

@@ -9,15 +9,15 @@ import numpy as np
 from deepring.core.rigid import yaw_of
 from deepring.localization.loops import LoopGraph
 
-#: Standard deviations, metres and degrees, that edges are weighed by.
+#: Standard deviations of the edges, metres and degrees.
 ODOMETRY, LOOP = (0.1, 0.5), (0.5, 1.0)
 
 
 def g2o_lines(graph: LoopGraph) -> Iterator[str]:
-    """g2o's SE(2): one vertex per keyframe, edges between those that follow each other, and loops.
+    """Lines of a g2o file in SE(2): one vertex per keyframe, and edges for odometry and loops.
 
-    An edge states the second's pose in the first's frame and its information; see `ODOMETRY` and
-    `LOOP`.
+    An edge states the pose of its second vertex in the frame of its first, and its information;
+    see `ODOMETRY` and `LOOP`.
     """
     planar = np.column_stack([graph.poses[:, :2, 3], yaw_of(graph.poses)])
     for k, (x, y, yaw) in enumerate(planar):
@@ -31,9 +31,9 @@ def g2o_lines(graph: LoopGraph) -> Iterator[str]:
 
 
 def tum_lines(graph: LoopGraph) -> Iterator[str]:
-    """The keyframes' poses as TUM has them: seconds x y z qx qy qz qw.
+    """The keyframes' poses in TUM's format: seconds x y z qx qy qz qw.
 
-    Without stamps the number of the keyframe stands for its seconds.
+    Without stamps, the seconds are the number of the keyframe.
     """
     from scipy.spatial.transform import Rotation
 

@@ -1,8 +1,8 @@
-"""Where a query is in the world, from candidates whose poses are known, and when to trust it.
+"""Position of a query in the world, from candidates whose poses are known, and when to trust it.
 
-The candidate that fits best says where the query is in its frame, and its pose says where that is
-in the world. This is localisation with the poses of the map, not the paper's protocol, and is to
-be reported beside it and never in its place.
+The alignment with the candidate that fits best gives the query's position in that candidate's
+frame, and the candidate's pose gives the position in the world. This is localisation with the map's
+poses, not the paper's protocol: report it beside the protocol's results, never in their place.
 """
 
 import math
@@ -22,46 +22,46 @@ F = TypeVar("F", float, NDArray[np.float64])
 
 @dataclass(frozen=True)
 class AcceptanceThresholds:
-    """When a location is trusted: both have to be reached.
+    """Thresholds for trusting a location, which has to reach both.
 
-    With the usual thresholds 99.8 % of the trusted locations are right where half of the scans are
-    nowhere in the map, on simulated worlds of their own (`make weights`).
+    With the defaults, 99.8 % of the trusted locations are right on simulated worlds where half of
+    the scans are nowhere in the map (`make weights`).
     """
 
     fit: float = 0.21
-    """Of the alignment, at most 1."""
+    """Fit of the alignment, at most 1."""
     ratio: float = 1.41
-    """Of the fit to the best one that puts the scan elsewhere."""
+    """Ratio of the fit to the best fit that puts the scan elsewhere."""
 
     def accept(self, fit: F, ratio: F) -> bool | NDArray[np.bool_]:
-        """Whether to trust it; of arrays (n,) an array (n,)."""
+        """Whether to trust a location; for arrays (n,), an array (n,)."""
         return (fit >= self.fit) & (ratio >= self.ratio)
 
 
 @dataclass(frozen=True)
 class Location:
-    """Where a scan was taken."""
+    """Position and heading of a scan in the world."""
 
     place: int
-    """The map's place that it was found by."""
+    """Index of the map place that the scan was aligned with."""
     name: str
-    """That place's scan."""
+    """Name of that place's scan."""
     x: float
     """Metres, in the world of the map's poses."""
     y: float
     yaw: float
     """Heading in the world, radians in [-π, π)."""
     similarity: float
-    """Of the descriptors, higher is more alike."""
+    """Similarity of the descriptors; higher is more alike."""
     fit: float
-    """Of the alignment, at most 1."""
+    """Fit of the alignment, at most 1."""
     ratio: float
-    """Of the fit to the best one that puts the scan elsewhere; infinite without any."""
+    """Ratio of the fit to the best fit that puts the scan elsewhere; infinite without one."""
     trusted: bool
 
 
 class BestFit(NamedTuple):
-    """The candidate that fits best, and where that puts the query."""
+    """The candidate that fits best, and the position of the query by it."""
 
     candidate: int
     position: Tensor
@@ -69,16 +69,16 @@ class BestFit(NamedTuple):
     fit: float
     """Height of the correlation's peak, at most 1."""
     ratio: float
-    """How many times as good as the best fit of a candidate that contradicts it."""
+    """Ratio of the fit to the best fit of a candidate that contradicts it."""
 
 
 def best_fit(alignment: Alignment, poses: Tensor, settings: RerankSettings) -> BestFit:
-    """Where the candidate that fits best puts the query.
+    """The position of the query by the candidate that fits best.
 
     Args:
         alignment: of the query with each of k candidates.
         poses: (k, 3) of the candidates: x, y and yaw in the world, metres and radians.
-        settings: of what contradicts.
+        settings: which positions contradict each other.
     """
     positions = world_positions(alignment.position, poses)
     fit = alignment.score

@@ -1,4 +1,4 @@
-"""Loop closures of a drive, found as a robot would find them: among past scans alone."""
+"""Loop closures of a drive: each scan is compared with past scans only, as on a robot."""
 
 from dataclasses import dataclass, replace
 
@@ -23,14 +23,14 @@ LOOP_THRESHOLDS = AcceptanceThresholds(fit=0.32)
 
 @dataclass(frozen=True)
 class LoopSettings:
-    """Which scans take part, and which past ones a scan is compared with; metres."""
+    """Which scans are keyframes, and which past keyframes each is compared with; metres."""
 
     spacing: float = 2.0
-    """Between keyframes."""
+    """Distance between keyframes."""
     recent: float = 50.0
-    """Path driven since a scan, below which it is no loop to come back to it."""
+    """Shortest path between the two scans of a loop."""
     refinement: RefinementSettings | None = None
-    """How loops are refined on the points of their scans; None leaves them as found."""
+    """How loops are refined on the points of their scans; None does not refine them."""
 
     def __post_init__(self) -> None:
         checks.at_least("loops.spacing", self.spacing, 0, "metres")
@@ -39,7 +39,7 @@ class LoopSettings:
 
 @dataclass(frozen=True)
 class Loop:
-    """One keyframe seen from an earlier one."""
+    """Pose of a keyframe in the frame of an earlier one."""
 
     keyframe: int
     earlier: int
@@ -47,13 +47,13 @@ class Loop:
     """Metres, of the keyframe's sensor in the earlier one's frame."""
     y: float
     yaw: float
-    """Of the keyframe in the earlier one's frame, radians in [-π, π)."""
+    """Heading of the keyframe in the earlier one's frame, radians in [-π, π)."""
     fit: float
     ratio: float
     inliers: float | None = None
-    """Share of points that match after refinement, where that was asked for."""
+    """Share of points that match after refinement; None without refinement."""
     refined: bool = False
-    """Whether x, y and yaw are refined; where refinement failed they are as found."""
+    """Whether x, y and yaw are refined; where refinement failed, they are the alignment's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class LoopGraph:
     scans: NDArray[np.int64]
     """(n,) numbers of the keyframes in their session."""
     poses: NDArray[np.float64]
-    """(n, 4, 4) as the session has them, world <- scan."""
+    """(n, 4, 4) poses of the session, world <- scan."""
     stamps: NDArray[np.int64] | None
     """(n,) nanoseconds, or None."""
     loops: list[Loop]
@@ -72,14 +72,14 @@ class LoopGraph:
 def find_loops(
     session: Session, place_map: Map, settings: LoopSettings, progress: Progress | None = None
 ) -> LoopGraph:
-    """Go through a drive once; each keyframe is looked up among those of the past.
+    """Go through a drive once, and look each keyframe up among the past ones.
 
     Args:
-        session: the drive. Its poses may drift: they tell how far was driven, and which
-            candidates contradict each other.
+        session: the drive. Its poses may drift: they give the path driven, and which candidates
+            contradict each other.
         place_map: a map without places, whose network, thresholds and ground are used; it is
             filled. See `LOOP_THRESHOLDS`: a map's usual thresholds are for places further apart.
-        settings: keyframes and what is too recent.
+        settings: distances, and refinement.
         progress: called with keyframes done and their total.
 
     Raises DataError for a map with places, and ConfigError for refinement without its library.
@@ -97,15 +97,15 @@ def find_loops(
         observation = place_map.observe([points])
         past = int(np.searchsorted(path, path[k] - settings.recent))
         if past:
-            location = place_map.localize_observed(observation, before=past)
+            location = place_map.localize_observation(observation, before=past)
             if location.trusted:
                 earlier = int(scans[location.place])
                 loop = _loop(k, location, session.poses[earlier])
                 if settings.refinement is not None:
-                    loop = _refined(loop, points, session.points(earlier), settings.refinement)
+                    loop = _refine(loop, points, session.points(earlier), settings.refinement)
                 loops.append(loop)
         names = [session.files[scan].name]
-        place_map.add_observed(observation, session.poses[scan : scan + 1], names)
+        place_map.add_observation(observation, session.poses[scan : scan + 1], names)
         if progress is not None:
             progress(k + 1, len(scans))
     stamps = None if session.stamps is None else session.stamps[scans]
@@ -113,7 +113,7 @@ def find_loops(
 
 
 def _loop(keyframe: int, location: Location, pose: NDArray[np.float64]) -> Loop:
-    """A location in the world as seen from the earlier keyframe, whose pose is given."""
+    """A location in the world as a loop, from the earlier keyframe at ``pose``."""
     heading = float(yaw_of(pose))
     dx, dy = location.x - pose[0, 3], location.y - pose[1, 3]
     c, s = np.cos(heading), np.sin(heading)
@@ -128,20 +128,20 @@ def _loop(keyframe: int, location: Location, pose: NDArray[np.float64]) -> Loop:
     )
 
 
-def _refined(
+def _refine(
     loop: Loop,
     points: NDArray[np.float32],
     earlier: NDArray[np.float32],
     settings: RefinementSettings,
 ) -> Loop:
     turn = yaw_after_turn(0.0, loop.yaw)
-    refined = refine(points, earlier, turn, (loop.x, loop.y), settings)
-    x, y = (float(value) for value in refined.position)
+    result = refine(points, earlier, turn, (loop.x, loop.y), settings)
+    x, y = (float(value) for value in result.position)
     return replace(
         loop,
         x=x,
         y=y,
-        yaw=yaw_after_turn(0.0, refined.turn),
-        inliers=refined.inliers,
-        refined=refined.converged,
+        yaw=yaw_after_turn(0.0, result.turn),
+        inliers=result.inliers,
+        refined=result.converged,
     )

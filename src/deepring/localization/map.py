@@ -1,4 +1,4 @@
-"""A map of places, and where a scan was taken in it."""
+"""A map of places, in which scans are located."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,7 +27,7 @@ from deepring.rasters import BevRaster
 from deepring.search.block_store import axis_of
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
 
-#: Places looked up for each candidate that is aligned, so that candidates can lie apart.
+#: Places looked up per candidate, so that enough of them lie apart.
 SURPLUS = 8
 
 #: Scans described at a time.
@@ -35,7 +35,7 @@ BATCH = 64
 
 
 class Observation(NamedTuple):
-    """k scans as a map sees them."""
+    """Images and descriptors of k scans."""
 
     images: NDArray[np.bool_]
     """(k, n, n) occupancy from above."""
@@ -51,11 +51,11 @@ class Map:
     Args:
         network: DeepRING over images from above, compared by correlation.
         ground_z: z of the ground under the sensor in the scans' frame, metres.
-        search: how descriptors are kept and looked up.
-        rerank: how candidates are aligned.
+        search: how descriptors are stored and looked up.
+        rerank: how candidates are selected and aligned.
         thresholds: when a location is trusted.
 
-    Raises ConfigError for another network, and for a ground that is no number.
+    Raises ConfigError for another network, and for a ``ground_z`` that is not a finite number.
     """
 
     def __init__(
@@ -92,26 +92,26 @@ class Map:
         progress: Progress | None = None,
         **settings: Any,
     ) -> "Map":
-        """A map of a session's scans, one every ``spacing`` metres. ``settings`` as for `Map`."""
+        """A map of a session, one place per ``spacing`` metres; ``settings`` are those of `Map`."""
         place_map = cls(network, ground_z, **settings)
         everywhere = np.ones(len(session.files), dtype=np.bool_)
-        chosen = sample_by_distance(session.positions, spacing, everywhere)
-        for start in range(0, len(chosen), BATCH):
-            some = chosen[start : start + BATCH]
-            scans = [session.points(int(k)) for k in some]
-            place_map.add(scans, session.poses[some], [session.files[k].name for k in some])
+        selection = sample_by_distance(session.positions, spacing, everywhere)
+        for start in range(0, len(selection), BATCH):
+            batch = selection[start : start + BATCH]
+            scans = [session.points(int(k)) for k in batch]
+            place_map.add(scans, session.poses[batch], [session.files[k].name for k in batch])
             if progress is not None:
-                progress(start + len(some), len(chosen))
+                progress(start + len(batch), len(selection))
         return place_map
 
     def add(
         self, scans: Sequence[NDArray[np.float32]], poses: NDArray[np.float64], names: Sequence[str]
     ) -> None:
-        """Add k places: scans (n, 3) each in their own frames, poses (k, 4, 4) world <- scan.
+        """Add k places: scans (n, 3), each in its own frame, and poses (k, 4, 4), world <- scan.
 
-        Raises DataError as `observe` does, and where poses or names are not one per scan.
+        Raises DataError as `observe` does, and unless there is one pose and one name per scan.
         """
-        self.add_observed(self.observe(scans), poses, names)
+        self.add_observation(self.observe(scans), poses, names)
 
     def localize(
         self,
@@ -119,18 +119,18 @@ class Map:
         before: int | None = None,
         ground_z: float | None = None,
     ) -> Location:
-        """Where a scan (n, 3), metres in its own frame, was taken.
+        """Locate a scan (n, 3), metres in its own frame.
 
-        ``before`` leaves out that place and those added after it. ``ground_z`` is z of the ground
+        ``before`` leaves out that place and all added after it. ``ground_z`` is z of the ground
         in the scan's frame, for a sensor at another height than the map's. Raises DataError
-        where no place is left, and as `observe` does.
+        if no place is left, and as `observe` does.
         """
-        return self.localize_observed(self.observe([points], ground_z), before)
+        return self.localize_observation(self.observe([points], ground_z), before)
 
     def observe(
         self, scans: Sequence[NDArray[np.float32]], ground_z: float | None = None
     ) -> Observation:
-        """Images and descriptors of scans, for `add_observed` and `localize_observed`.
+        """Images and descriptors of scans, for `add_observation` and `localize_observation`.
 
         Raises DataError for a scan without points, and for coordinates that are not finite.
         """
@@ -138,38 +138,38 @@ class Map:
         images = np.stack([self.raster(expect_scan("scan", scan), ground_z) for scan in scans])
         return Observation(images, self.network.describe(torch.from_numpy(images)).cpu())
 
-    def add_observed(
+    def add_observation(
         self, scans: Observation, poses: NDArray[np.float64], names: Sequence[str]
     ) -> None:
-        """`add` of scans that were observed."""
+        """Add k places, as `add` does, from what `observe` gives."""
         self.places.add(scans.images, poses, names)
         self.index.add(scans.descriptors)
 
-    def localize_observed(self, scan: Observation, before: int | None = None) -> Location:
-        """`localize` of one scan that was observed."""
+    def localize_observation(self, scan: Observation, before: int | None = None) -> Location:
+        """Locate one scan, as `localize` does, from what `observe` gives."""
         if not len(self) or (before is not None and before < 1):
-            raise DataError("map: holds no places to look among; expected at least one")
-        wanted = SURPLUS * self.rerank.candidates
-        hits = self.index.search(scan.descriptors, wanted, before=before)
+            raise DataError("map: holds no places to compare with; expected at least one; add some")
+        k = SURPLUS * self.rerank.candidates
+        hits = self.index.search(scan.descriptors, k, before=before)
         assert hits.turn is not None
         poses = self.places.planar_poses(hits.place[0])
-        some = spread_out(poses[:, :2], self.rerank)
-        places, poses = hits.place[0, some], poses[some]
+        rows = spread_out(poses[:, :2], self.rerank)
+        places, poses = hits.place[0, rows], poses[rows]
         alignment = align_candidates(
             torch.from_numpy(scan.images[0]),
-            hits.turn[0, some],
+            hits.turn[0, rows],
             self.places.images(places),
             self.rerank,
         )
         best = best_fit(alignment, poses, self.rerank)
-        k = best.candidate
+        candidate = best.candidate
         return Location(
-            place=int(places[k]),
-            name=self.places.names[int(places[k])],
+            place=int(places[candidate]),
+            name=self.places.names[int(places[candidate])],
             x=float(best.position[0]),
             y=float(best.position[1]),
-            yaw=yaw_after_turn(float(poses[k, 2]), float(alignment.turn[k])),
-            similarity=float(hits.score[0, some[k]]),
+            yaw=yaw_after_turn(float(poses[candidate, 2]), float(alignment.turn[candidate])),
+            similarity=float(hits.score[0, rows[candidate]]),
             fit=best.fit,
             ratio=best.ratio,
             trusted=bool(self.thresholds.accept(best.fit, best.ratio)),
@@ -202,7 +202,7 @@ class Map:
     def open(cls, path: Path | str, *, check: bool = False) -> "Map":
         """Open what `save` wrote, memory-mapped; ``check`` reads every byte first.
 
-        Raises FileError for a file that is missing, no map, cut short, altered, or of another
+        Raises FileError for a file that is missing, not a map, cut short, altered, or of another
         version.
         """
         file = open_sealed(path, FORMAT, check=check)
@@ -218,7 +218,6 @@ class Map:
             place_map.index.restore(rows, header.shape, code.get("basis"), code.get("step"))
             if len(place_map.index) != len(place_map):
                 raise DataError(
-                    f"index: {len(place_map.index)} places, expected {len(place_map)} as there "
-                    "are names"
+                    f"index: {len(place_map.index)} places, expected {len(place_map)}, one per name"
                 )
         return place_map

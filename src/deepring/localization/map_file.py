@@ -19,7 +19,7 @@ class MapHeader:
     """The plain values of a map."""
 
     network: dict[str, Any]
-    """As `deepring.methods.portable.describe_network` describes it."""
+    """The network, as `deepring.methods.portable.describe_network` describes it."""
     ground_z: float
     search: SearchSettings
     rerank: RerankSettings
@@ -57,7 +57,7 @@ def prefixed(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
 
 
 def under(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors whose names begin with a prefix, by the rest of their names."""
+    """The tensors whose names begin with a prefix, by their names without it."""
     return {
         name.removeprefix(prefix): tensor
         for name, tensor in tensors.items()

@@ -1,4 +1,4 @@
-"""What a map knows of its places beside their descriptors: image, pose and name."""
+"""Images, poses and names of the places of a map."""
 
 from collections.abc import Sequence
 
@@ -27,7 +27,7 @@ class PlaceStore:
 
     @property
     def image_bytes(self) -> int:
-        """Of one packed image."""
+        """Bytes of one packed image."""
         return -(-(self.raster.cells**2) // 8)
 
     @property
@@ -45,7 +45,7 @@ class PlaceStore:
     ) -> None:
         """Add k places: images (k, n, n), poses (k, 4, 4) world <- scan, and names.
 
-        Raises DataError where their numbers differ, and for poses that are not finite.
+        Raises DataError unless there are k of each, and for poses that are not finite.
         """
         packed = [pack(image, self.raster) for image in images]
         rows = torch.from_numpy(np.stack(packed)) if packed else torch.empty(0, self.image_bytes)
@@ -68,10 +68,12 @@ class PlaceStore:
             "images": torch.empty(0, self.image_bytes, dtype=torch.uint8),
             "poses": torch.empty(0, 4, 4, dtype=torch.float64),
         }
-        return {k: torch.cat([none, *(block[k] for block in blocks)]) for k, none in empty.items()}
+        return {
+            k: torch.cat([start, *(block[k] for block in blocks)]) for k, start in empty.items()
+        }
 
     def restore(self, images: Tensor, poses: Tensor, names: Sequence[str]) -> None:
-        """Take what `tensors` gave, such as memory-mapped ones, without a copy, and the names.
+        """Take the names, and without a copy what `tensors` gave, which may be memory-mapped.
 
         Raises DataError as `add` does, and for images of another size.
         """

@@ -1,4 +1,4 @@
-"""A pose refined on the points themselves: GICP, from where an alignment of images left it."""
+"""Refinement of a pose on the points themselves: GICP, started from an alignment of images."""
 
 import math
 from dataclasses import dataclass
@@ -15,20 +15,20 @@ from deepring.localization.scan_points import expect_scan
 
 @dataclass(frozen=True)
 class RefinementSettings:
-    """Of the registration, and of how far it may go from its start."""
+    """Settings of the registration, and how far it may move from its start."""
 
     voxel: float = 0.5
-    """Points are thinned to one in each, metres."""
+    """Side of a voxel, metres; points are thinned to one per voxel."""
     reaches: tuple[float, ...] = (2.0, 0.5)
-    """Largest distance of points that are matched, metres, of passes one after the other: the
-    first decides how far off the start may be, the last counts inliers."""
+    """Largest distances between matched points, metres, one per pass. The first decides how far off
+    the start may be, the last which points are inliers."""
     iterations: int = 50
-    """At most, per pass."""
+    """Largest number per pass."""
     max_shift: float = 4.0
-    """Metres along x and y from the start, from which on the result is not believed. Height and
-    tilt are not limited: the start knows nothing of them."""
+    """Largest shift from the start along x and y, metres; with a larger one the registration has
+    not converged. Height and tilt are not limited, since the start does not know them."""
     max_turn: float = math.radians(10.0)
-    """Turn from the start, likewise; radians."""
+    """Largest turn from the start, radians, likewise."""
 
     def __post_init__(self) -> None:
         checks.count("refinement.iterations", self.iterations)
@@ -40,8 +40,8 @@ class RefinementSettings:
             checks.positive("refinement.reaches", reach, "metres")
 
 
-class Refined(NamedTuple):
-    """Where a query lies in the frame of a map scan; the start, unless ``converged``."""
+class Refinement(NamedTuple):
+    """Pose of a query in the frame of a map scan; the start, unless ``converged``."""
 
     transform: FloatArray
     """(4, 4) reference <- query."""
@@ -50,10 +50,10 @@ class Refined(NamedTuple):
     position: FloatArray
     """(2,) metres, of the query's sensor in the map scan's frame, as in `Alignment`."""
     inliers: float
-    """Share of the query's thinned points matched in the last pass, where that ended."""
+    """Share of the query's thinned points that match at the end of the last pass."""
     converged: bool
-    """Whether the registration settled near its start, which is not whether the start was right:
-    of that the inliers tell, and the fit of the alignment."""
+    """Whether the registration settled near its start. Whether the start was right, the inliers and
+    the fit of the alignment tell."""
     error: float
     """GICP's squared error per inlier, without a unit; infinite where there are none."""
 
@@ -64,18 +64,18 @@ def refine(
     turn: float,
     position: ArrayLike,
     settings: RefinementSettings | None = None,
-) -> Refined:
-    """Refine the pose of one scan in another's frame on their points.
+) -> Refinement:
+    """Refine the pose of one scan in the frame of another on the points of both.
 
     Args:
         query: (n, 3) metres, z up.
         reference: (m, 3) of the map scan, metres, z up.
         turn: radians, the turn of the points from map scan to query.
         position: (2,) metres, of the query's sensor in the map scan's frame.
-        settings: of the registration.
+        settings: the registration.
 
     Raises:
-        ConfigError: without the library.
+        ConfigError: small_gicp is not installed.
         DataError: a scan without points, or with coordinates that are not finite.
     """
     settings = settings or RefinementSettings()
@@ -97,7 +97,7 @@ def refine(
     near = _near(transform, start, settings)
     converged = bool(result.converged) and result.num_inliers > 0 and near
     transform = transform if converged else start
-    return Refined(
+    return Refinement(
         transform,
         yaw_after_turn(0.0, float(yaw_of(transform))),
         transform[:2, 3].copy(),
@@ -108,18 +108,18 @@ def refine(
 
 
 def start_of(turn: float, position: ArrayLike) -> FloatArray:
-    """The transform (4, 4) reference <- query of a planar pose as `Alignment` has it."""
+    """The transform (4, 4) reference <- query of a planar pose, as in `Alignment`."""
     x, y = np.asarray(position, dtype=np.float64)
     return pose_from(rotation_from_rpy(0.0, 0.0, yaw_after_turn(0.0, turn)), [x, y, 0.0])
 
 
 def small_gicp() -> Any:
-    """The library. Raises ConfigError where it is not installed."""
+    """The library. Raises ConfigError if it is not installed."""
     try:
         import small_gicp as library
     except ImportError as error:
         raise ConfigError(
-            "refinement: needs small_gicp, which is not installed; expected it: "
+            "refinement: small_gicp is not installed, expected it; run "
             "pip install 'deepring[refine]'"
         ) from error
     return library
@@ -134,5 +134,5 @@ def _near(transform: FloatArray, start: FloatArray, settings: RefinementSettings
 
 
 def _scan(name: str, points: NDArray[np.float32]) -> FloatArray:
-    """The points (n, 3) as the library takes them."""
+    """The points (n, 3) as the library expects them."""
     return expect_scan(f"refinement: {name}", points)[:, :3].astype(np.float64)

@@ -1,4 +1,4 @@
-"""The one check of a scan's points that poses are made of."""
+"""Check of a scan's points before its pose is computed."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,7 @@ from deepring.errors import DataError
 
 
 def expect_scan(name: str, points: NDArray[np.floating]) -> NDArray[np.floating]:
-    """The points (n, 3) or wider, as they are.
+    """The points (n, 3) or wider, unchanged.
 
     Raises DataError for another shape, for no points at all, and for coordinates that are not
     finite.

@@ -1,4 +1,4 @@
-"""Methods side by side: precision against recall, and Recall@1 against the revisit radius."""
+"""Figures of several methods: precision against recall, and Recall@1 against the radius."""
 
 import math
 from collections import Counter
@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from deepring.errors import DeepringError
+from deepring.errors import DataError
 from deepring.evaluation.metrics import Over, area_under, f1_along
 from deepring.evaluation.results import Result
 from deepring.reports.results_table import recall as recall_of
@@ -23,16 +23,16 @@ def precision_recall_figure(
     """Precision-recall curves of several methods at one radius, the best F1 of each marked.
 
     Args:
-        curves: method to (precision, recall), (t,) each on the CPU, the highest threshold first,
-            as ``place_precision_recall`` gives them. AUC and max-F1 are shown in the legend.
-        radius: metres, named in the default title.
+        curves: (precision, recall) by method, (t,) each on the CPU, the highest threshold first,
+            as ``place_precision_recall`` gives them. The legend states AUC and max-F1.
+        radius: metres, for the default title.
         title: instead of "Right within ... m".
 
     Raises:
-        DeepringError: no curve, or precision and recall that are not (t,) of one length t >= 1.
+        DataError: no curve, or precision and recall that are not (t,) of one length t >= 1.
     """
     if not curves:
-        raise DeepringError("curves: none given; expected a precision and recall for each method")
+        raise DataError("curves: none, expected precision and recall of at least one method")
     figure = new_figure(7.2, 4.8 + 0.2 * math.ceil(len(curves) / 2))
     axes = figure.add_subplot()
     _equal_f1_lines(axes)
@@ -57,18 +57,18 @@ def recall_radius_figure(
     """Recall@1 against the revisit radius, one line per method.
 
     Args:
-        results: of one test region, at any radii; a method trained on several datasets has a
-            line for each.
+        results: results of one test region, at any radii; a method with several trainings has one
+            line per training.
         over: Recall@1 as the share of the answerable queries, or of all.
         title: instead of the test dataset and region.
 
     Raises:
-        DeepringError: no result, or results of several test regions.
+        DataError: no result, or results of several test regions.
     """
     places = sorted({result.case.place for result in results})
     if len(places) != 1:
-        raise DeepringError(
-            f"results: test regions {places}; expected exactly one; draw a figure for each"
+        raise DataError(
+            f"results: test regions {places}, expected exactly one; draw one figure per region"
         )
     figure = new_figure(6.4, 4.2)
     axes = figure.add_subplot()
@@ -87,7 +87,7 @@ def _draw_curve(
     axes: Axes, index: int, method: str, precision: np.ndarray, recall: np.ndarray
 ) -> None:
     if precision.ndim != 1 or precision.shape != recall.shape or not precision.size:
-        raise DeepringError(
+        raise DataError(
             f"curves[{method!r}]: precision {precision.shape}, recall {recall.shape}; "
             "expected (t,) each, of one length t >= 1"
         )

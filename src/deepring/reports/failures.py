@@ -1,4 +1,4 @@
-"""Why a query was answered wrongly: its scan, the one retrieved and the right one, side by side."""
+"""Figures of wrong answers: the query, the retrieved scan and the right one, side by side."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,11 +21,11 @@ class ScanView:
     sinogram: NDArray[np.float32]
     """(θ, τ)."""
     curve: NDArray[np.float32] | None
-    """(θ,) correlation of the query with it by shift of θ; None for the query itself."""
+    """(θ,) correlation with the query over all shifts of θ; None for the query itself."""
 
 
 def failure_figure(scans: Sequence[ScanView], extent: float, period: float = 360.0) -> Figure:
-    """Images from above, sinograms and correlation curves of a query and of places.
+    """Bird's-eye views, sinograms and correlation curves of a query and of places.
 
     Args:
         scans: the query first.

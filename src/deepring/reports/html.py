@@ -1,4 +1,4 @@
-"""One HTML page that needs nothing beside it: no network, no server, no script."""
+"""Self-contained HTML pages, without network, server or scripts."""
 
 import base64
 import html
@@ -57,7 +57,7 @@ def preformatted(text: str) -> str:
 
 
 def picture(source: Figure | Path, caption: str) -> str:
-    """A figure, or a PNG file, inside the page; the caption is its alternative text, too."""
+    """A figure or a PNG file, embedded in the page; the caption is also its alternative text."""
     if isinstance(source, Path):
         data = source.read_bytes()
     else:
@@ -65,8 +65,8 @@ def picture(source: Figure | Path, caption: str) -> str:
         source.savefig(buffer, format="png", dpi=110)
         data = buffer.getvalue()
     words = html.escape(caption)
-    encoded = base64.b64encode(data).decode()
+    base64_text = base64.b64encode(data).decode()
     return (
-        f'<figure><img src="data:image/png;base64,{encoded}" alt="{words}">'
+        f'<figure><img src="data:image/png;base64,{base64_text}" alt="{words}">'
         f"<figcaption>{words}</figcaption></figure>"
     )

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from rich.console import Group
 
-from deepring.errors import DeepringError
+from deepring import checks
+from deepring.errors import ConfigError, DataError
 from deepring.evaluation.case import Case
 from deepring.evaluation.metrics import Over
 from deepring.evaluation.results import Result
@@ -16,7 +17,7 @@ from deepring.reports.table import NONE, Cell, Table, best_bold, rate_text, shor
 
 @dataclass(frozen=True)
 class _Column:
-    """A header, the shown text of a row's number, and which number is the best (or None)."""
+    """A header, the text of a result, and the function that picks the best number, or None."""
 
     header: str
     text: Callable[[Result], str]
@@ -24,16 +25,16 @@ class _Column:
 
 
 def render(results: Sequence[Result], radius: float = 10.0, over: Over = "answerable") -> Group:
-    """Terminal tables of all results at one radius, one per test region, the best in bold.
+    """Tables for the terminal of all results at one radius, one per test region, the best in bold.
 
     Args:
-        results: of any methods, datasets and radii.
+        results: results of any methods, datasets and radii.
         radius: metres; only results at this radius are shown.
         over: Recall@K as the share of the answerable queries, or of all. F1 and AUC do not
             depend on it.
 
     Raises:
-        DeepringError: no result at this radius, or an unknown ``over``.
+        ConfigError: a radius without results, or an unknown ``over``.
     """
     return tables.terminal(_headline(results, radius, over))
 
@@ -44,9 +45,9 @@ def markdown(results: Sequence[Result], radius: float = 10.0, over: Over = "answ
 
 
 def render_radii(results: Sequence[Result], over: Over = "answerable") -> Group:
-    """Terminal tables of Recall@1, radii side by side; arguments and errors as ``render``.
+    """Tables for the terminal of Recall@1, one column per radius; otherwise as ``render``.
 
-    Where a method has several results at one radius, the last one is shown.
+    If a method has several results at one radius, the last one counts.
     """
     return tables.terminal(_side_by_side(results, over))
 
@@ -59,22 +60,20 @@ def markdown_radii(results: Sequence[Result], over: Over = "answerable") -> str:
 def recall(result: Result, k: int, over: Over) -> float:
     """Recall@1 or Recall@5 of a result over the answerable queries, or over all of them.
 
-    Only answerable queries can be answered, so that the two differ by the share of these.
+    The two differ by the share of the answerable queries, since no other can be answered.
     """
-    if over not in ("answerable", "all"):
-        raise DeepringError(f"over {over!r}: expected 'answerable' or 'all'")
-    if k not in (1, 5):
-        raise DeepringError(f"k {k}: a result holds Recall@1 and Recall@5; expected 1 or 5")
+    checks.one_of("over", over, Over)
+    checks.one_of("k", k, (1, 5))
     value = result.recall_1 if k == 1 else result.recall_5
     return value if over == "answerable" else value * result.answerable / max(result.queries, 1)
 
 
 def _headline(results: Sequence[Result], radius: float, over: Over) -> list[Table]:
-    shown = [result for result in results if math.isclose(result.radius_m, radius)]
-    if not shown:
-        known = ", ".join(f"{r:g}" for r in sorted({result.radius_m for result in results}))
-        raise DeepringError(
-            f"radius {radius:g} m: no result at this radius; expected one of: {known or 'none'}; "
+    rows = [result for result in results if math.isclose(result.radius_m, radius)]
+    if not rows:
+        radii = ", ".join(f"{r:g}" for r in sorted({result.radius_m for result in results}))
+        raise ConfigError(
+            f"radius: {radius:g} m, expected one of {radii or 'none'}, at which there are results; "
             "choose one, or evaluate at this radius"
         )
     columns = [
@@ -87,12 +86,12 @@ def _headline(results: Sequence[Result], radius: float, over: Over) -> list[Tabl
         _Column("ms/scan", lambda result: short_text(result.seconds_per_scan * 1e3), min),
         _Column("ms/query", lambda result: short_text(result.seconds_per_query * 1e3), min),
     ]
-    return _tables(f"right within {radius:g} m, recall over {over} queries", columns, shown)
+    return _tables(f"right within {radius:g} m, recall over {over} queries", columns, rows)
 
 
 def _side_by_side(results: Sequence[Result], over: Over) -> list[Table]:
     if not results:
-        raise DeepringError("results: none given; expected at least one; run an evaluation first")
+        raise DataError("results: none, expected at least one; run an evaluation first")
     rows: dict[Case, dict[float, Result]] = {}
     for result in results:
         rows.setdefault(result.case, {})[result.radius_m] = result
@@ -106,12 +105,12 @@ def _side_by_side(results: Sequence[Result], over: Over) -> list[Table]:
         return text
 
     columns = [*_NAMES, *(_Column(f"{radius:g} m", at(radius), max) for radius in radii)]
-    one_a_row = [next(iter(row.values())) for row in rows.values()]
-    return _tables(f"Recall@1 over {over} queries, right within", columns, one_a_row)
+    one_per_row = [next(iter(row.values())) for row in rows.values()]
+    return _tables(f"Recall@1 over {over} queries, right within", columns, one_per_row)
 
 
 def _tables(what: str, columns: Sequence[_Column], results: Sequence[Result]) -> list[Table]:
-    """One table per test region, in the order in which they come."""
+    """One table per test region, in the order of the results."""
     groups: dict[str, list[Result]] = {}
     for result in results:
         groups.setdefault(result.case.place, []).append(result)

@@ -1,11 +1,11 @@
-"""Why a turn does not matter: a scan, its sinogram, a turned twin's, and their correlation."""
+"""Figures of a scan, its sinogram, the sinogram of its turned twin, and their correlation."""
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from deepring.errors import DeepringError
+from deepring.errors import DataError
 from deepring.reports.style import INK, PALETTE, SMALL_SIZE, new_figure, style_axes
 
 
@@ -20,7 +20,7 @@ def sinogram_figure(
 ) -> Figure:
     """BEV, sinogram, the sinogram of a turned twin, and the correlation over all shifts.
 
-    Nothing is computed here but the place of the peak.
+    Only the position of the peak is computed here.
 
     Args:
         bev: (n, n) indexed [x, y], x forward and y left; drawn as seen from above, x upwards.
@@ -28,11 +28,11 @@ def sinogram_figure(
         turned: (θ, τ) of the twin.
         correlation: (θ,) of the twin with the scan, entry k for a shift by +k rows.
         extent: half the side of the BEV, metres; τ runs over [-extent, extent].
-        true_turn: counter-clockwise turn of the twin in degrees, marked where given.
+        true_turn: counter-clockwise turn of the twin in degrees, marked unless it is None.
         period: degrees that the rows span, 360, or 180 for a sinogram over half a turn.
 
     Raises:
-        DeepringError: shapes that do not fit.
+        DataError: shapes that do not fit.
     """
     bev, sinogram, turned, correlation = map(np.asarray, (bev, sinogram, turned, correlation))
     _check(bev, sinogram, turned, correlation)
@@ -92,7 +92,7 @@ def _draw_correlation(
 def _check(bev: NDArray, sinogram: NDArray, turned: NDArray, correlation: NDArray) -> None:
     flat = sinogram.ndim == 2 and bev.ndim == 2 and bev.shape[0] == bev.shape[1]
     if not flat or turned.shape != sinogram.shape or correlation.shape != sinogram.shape[:1]:
-        raise DeepringError(
+        raise DataError(
             f"bev {bev.shape}, sinogram {sinogram.shape}, turned {turned.shape}, correlation "
             f"{correlation.shape}: expected (n, n), (θ, τ), (θ, τ) and (θ,); drop batch axes"
         )

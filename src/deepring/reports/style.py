@@ -1,7 +1,7 @@
-"""One look for all figures: colours, type, axes, and writing them to disk.
+"""The style of all figures: colours, text sizes, axes, and files.
 
-Figures are matplotlib ``Figure`` objects on the Agg canvas. Nothing here opens a window or holds
-global state, so that they work on machines without a display and in several threads.
+Figures are matplotlib ``Figure`` objects on the Agg canvas. Nothing here opens a window or has
+global state, so that figures work without a display and in several threads.
 """
 
 from pathlib import Path
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from deepring.io.files import replacing
 
-#: Okabe and Ito's colours, told apart with any common colour blindness; the faint yellow left out.
+#: Okabe and Ito's colours, which the colour-blind can distinguish, without the faint yellow.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4D4D4D")
 LINES = ("-", "--", ":")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
@@ -24,14 +24,14 @@ TITLE_SIZE, LABEL_SIZE, SMALL_SIZE = 12.0, 10.5, 9.0  # points
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Empty white figure of this size in inches, which lays itself out when drawn."""
+    """An empty white figure of this size in inches, with an automatic layout."""
     figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
 
 def series(index: int) -> tuple[str, str, str]:
-    """Colour, line style and marker of the ``index``-th series, told apart without colour too."""
+    """Colour, line style and marker of the ``index``-th series; distinct even without colour."""
     return (
         PALETTE[index % len(PALETTE)],
         LINES[index // len(PALETTE) % len(LINES)],
@@ -40,7 +40,7 @@ def series(index: int) -> tuple[str, str, str]:
 
 
 def style_axes(axes: Axes, title: str, across: str, up: str, *, grid: bool = True) -> None:
-    """Title and labels, light ticks, and no frame but the left and lower edge."""
+    """Set title and labels, light ticks, and a frame of only the left and lower edge."""
     axes.set_title(title, fontsize=TITLE_SIZE, color=INK, loc="left", pad=9)
     axes.set_xlabel(across, fontsize=LABEL_SIZE, color=INK)
     axes.set_ylabel(up, fontsize=LABEL_SIZE, color=INK)
@@ -53,9 +53,9 @@ def style_axes(axes: Axes, title: str, across: str, up: str, *, grid: bool = Tru
 
 
 def save(figure: Figure, path: str | Path, dpi: float = 150.0) -> None:
-    """Write a PNG, creating folders; the file is replaced in one step, never seen half-written.
+    """Write a PNG in one step, creating folders.
 
-    Raises DeepringError where the file cannot be written.
+    Raises FileError if the file cannot be written.
     """
     with replacing(path) as temporary:
         figure.savefig(temporary, format="png", dpi=dpi)

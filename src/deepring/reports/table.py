@@ -1,4 +1,4 @@
-"""A table of texts, and how it is written: terminal (rich), Markdown, LaTeX, CSV."""
+"""Tables of text, for the terminal (rich), Markdown, LaTeX and CSV."""
 
 import csv as csv_format
 import io
@@ -11,14 +11,14 @@ from rich import table as rich_table
 from rich.console import Group
 from rich.text import Text
 
-from deepring.errors import DeepringError
+from deepring.errors import DataError
 
-#: What stands where there is no value.
+#: Text of a missing value.
 NONE = "-"
 
 
 class Cell(NamedTuple):
-    """What stands in one place of a table."""
+    """Text of one cell, and whether it is bold."""
 
     text: str
     bold: bool = False
@@ -26,10 +26,10 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class Table:
-    """Rows that may be compared with each other. Raises DeepringError for a row of another length.
+    """Rows that can be compared with each other. Raises DataError for a row of another length.
 
-    The first ``names`` columns say what a row is, the others hold numbers. A rule is drawn before
-    each row numbered in ``breaks``; ``notes`` stand below the table.
+    The first ``names`` columns name the row, the others hold numbers. A rule stands before each
+    row whose index is in ``breaks``; ``notes`` stand below the table.
     """
 
     title: str
@@ -42,7 +42,7 @@ class Table:
     def __post_init__(self) -> None:
         for number, row in enumerate(self.rows):
             if len(row) != len(self.headers):
-                raise DeepringError(
+                raise DataError(
                     f"rows[{number}]: {len(row)} cells; expected one per header, "
                     f"{len(self.headers)}"
                 )
@@ -51,16 +51,17 @@ class Table:
 def best_bold(
     texts: Sequence[str], best: Callable[[Iterable[float]], float] | None = max
 ) -> list[Cell]:
-    """Cells of one column, the best number of at least two in bold.
+    """Cells of one column, with the best of at least two numbers in bold.
 
-    What is shown decides: equal to the last digit shown is equally good. A text begins with its
-    number ("0.859", "0.859 ± 0.010"), or is "-". With ``best`` None nothing is bold.
+    The numbers are compared as they are written, so that equal texts are equally good. A text
+    begins with its number ("0.859", "0.859 ± 0.010"), or is "-". If ``best`` is None, no cell is
+    bold.
     """
     if best is None:
         return [Cell(text) for text in texts]
     numbers = [None if text == NONE else float(text.split()[0]) for text in texts]
-    known = [number for number in numbers if number is not None]
-    top = best(known) if len(known) > 1 else None
+    values = [number for number in numbers if number is not None]
+    top = best(values) if len(values) > 1 else None
     return [
         Cell(text, number is not None and number == top)
         for text, number in zip(texts, numbers, strict=True)
@@ -83,7 +84,7 @@ def short_text(value: float) -> str:
 
 
 def terminal(tables: Sequence[Table]) -> Group:
-    """The tables one below the other; numbers keep their width on a narrow terminal."""
+    """The tables, one below the other; numbers keep their width on a narrow terminal."""
     parts: list[Text | rich_table.Table] = []
     for table in tables:
         parts += [Text(table.title), _rich(table)]
@@ -108,7 +109,7 @@ def _rich(table: Table) -> rich_table.Table:
 
 
 def markdown(tables: Sequence[Table]) -> str:
-    """The tables one below the other, ending in a newline; notes are a list."""
+    """The tables, one below the other, ending in a newline; notes are a list."""
     lines = []
     for table in tables:
         rule = ["---" if index < table.names else "---:" for index in range(len(table.headers))]
@@ -177,8 +178,8 @@ def _tex(text: str) -> str:
 
 def csv(table: Table) -> str:
     """Headers and texts as CSV, without title and notes, ending in a newline."""
-    written = io.StringIO()
-    writer = csv_format.writer(written, lineterminator="\n")
+    buffer = io.StringIO()
+    writer = csv_format.writer(buffer, lineterminator="\n")
     writer.writerow(table.headers)
     writer.writerows([cell.text for cell in row] for row in table.rows)
-    return written.getvalue()
+    return buffer.getvalue()

@@ -1,4 +1,4 @@
-"""TensorBoard: what an evaluation leaves there besides the scalars of training."""
+"""TensorBoard events of an evaluation: metrics, PR curves, figures and descriptors."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,28 +22,28 @@ def write_events(
     figures: Mapping[str, Figure],
     hyperparameters: Mapping[str, bool | str | float | int],
 ) -> None:
-    """Metrics, PR curves and figures of an evaluation, and the hyperparameters with them.
+    """Write metrics, PR curves, figures and hyperparameters of an evaluation.
 
-    ``figures`` go under their keys as tags. ``folder`` is the run's TensorBoard folder.
+    The keys of ``figures`` are their tags. ``folder`` is the run's TensorBoard folder.
     """
     with SummaryWriter(str(folder)) as writer:
-        finals: dict[str, float] = {}
+        final_metrics: dict[str, float] = {}
         for outcome in outcomes:
             head, case = outcome.results[0], outcome.case
             place = f"{case.test}/{case.region}"
             for metric in ("recall_1", "recall_5", "f1_max", "auc"):
                 tag = f"test/{place}/{metric.replace('recall_', 'recall@')}/{case.method}"
-                finals[tag] = getattr(head, metric)
+                final_metrics[tag] = getattr(head, metric)
             add_pr_curve(writer, f"test/{place}/{case.method}", outcome.matches, head.radius_m)
         for tag, figure in figures.items():
             writer.add_figure(tag, figure, close=False)
-        writer.add_hparams(dict(hyperparameters), finals, run_name=".")
+        writer.add_hparams(dict(hyperparameters), final_metrics, run_name=".")
 
 
 def add_pr_curve(writer: SummaryWriter, tag: str, matches: TopMatches, radius: float) -> None:
-    """The protocol's precision and recall at evenly spread thresholds.
+    """Add the protocol's precision and recall at evenly spaced thresholds.
 
-    TensorBoard's own counting would take any retrieved wrong place for a missed one.
+    TensorBoard's own counting would count every wrong place as a missed one.
     """
     score, right = matches.score[:, 0], matches.distance[:, 0] <= radius
     answerable = matches.nearest <= radius
@@ -64,6 +64,6 @@ def add_pr_curve(writer: SummaryWriter, tag: str, matches: TopMatches, radius: f
 
 
 def add_descriptors(folder: Path, descriptors: Tensor, labels: list[str]) -> None:
-    """Descriptors (n, ...) of the database for the projector, with a label each."""
+    """Add descriptors (n, ...) of the database to the projector, with one label per place."""
     with SummaryWriter(str(folder)) as writer:
         writer.add_embedding(descriptors.flatten(1), metadata=labels, tag="database")

@@ -1,4 +1,4 @@
-"""Where on the drive a method finds its place, and where it does not."""
+"""Maps of the queries of a drive: hits, misses and unanswerable queries."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from deepring.errors import DeepringError
+from deepring.errors import DataError
 from deepring.reports.style import (
     DATABASE,
     HIT,
@@ -33,18 +33,18 @@ def trajectory_figure(
     Args:
         database: (d, 2) metres, across and up.
         queries: (q, 2) metres, in the same frame.
-        right: (q,) bool, the top-1 place lies within the radius.
-        answerable: (q,) bool, some database place does.
-        title: such as the method and the radius.
-        labels: of the two axes; pass ("easting", "northing") for UTM.
+        right: (q,) bool, whether the top-1 place lies within the radius.
+        answerable: (q,) bool, whether any database place does.
+        title: the figure's title, such as method and radius.
+        labels: labels of the two axes; pass ("easting", "northing") for UTM.
 
     Raises:
-        DeepringError: shapes that do not fit, no query, or positions that are not finite.
+        DataError: shapes that do not fit, no query, or positions that are not finite.
     """
     database, queries = _positions("database", database), _positions("queries", queries)
     right, answerable = np.asarray(right, bool), np.asarray(answerable, bool)
     if not len(queries) or right.shape != (len(queries),) or answerable.shape != right.shape:
-        raise DeepringError(
+        raise DataError(
             f"queries {queries.shape}, right {right.shape}, answerable {answerable.shape}: "
             "expected (q, 2), (q,) and (q,) with q >= 1"
         )
@@ -74,7 +74,7 @@ def _draw_queries(
     right: NDArray[np.bool_],
     answerable: NDArray[np.bool_],
 ) -> None:
-    """Misses last, as crosses: they are what one looks for, and not told by colour alone."""
+    """Draw misses last and as crosses, so that they can be seen even without colour."""
     kinds = (
         ("no place in reach", ~answerable, ".", UNANSWERABLE, 34, 0.0),
         ("hit", answerable & right, ".", HIT, 34, 0.0),
@@ -89,7 +89,7 @@ def _draw_queries(
 def _positions(name: str, values: ArrayLike) -> NDArray[np.float64]:
     positions = np.asarray(values, dtype=np.float64)
     if positions.ndim != 2 or positions.shape[1] != 2 or not np.isfinite(positions).all():
-        raise DeepringError(
+        raise DataError(
             f"{name}: shape {positions.shape}, {np.count_nonzero(~np.isfinite(positions))} not "
             "finite; expected finite metres of shape (n, 2)"
         )
@@ -97,7 +97,7 @@ def _positions(name: str, values: ArrayLike) -> NDArray[np.float64]:
 
 
 def _offset(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The kilometre below the smallest coordinate, on axes that lie far from the origin."""
+    """The kilometre below the smallest coordinate of each axis, if it lies far from the origin."""
     lowest = positions.min(axis=0)
     return np.where(np.abs(lowest) < _FAR, 0.0, np.floor(lowest / 1000) * 1000)
 
@@ -109,7 +109,7 @@ def _axis_label(name: str, offset: float) -> str:
 
 
 def _size(extent: NDArray[np.float64]) -> tuple[float, float]:
-    """Inches, 6.4 wide or less: the drive's own shape, with room for title and legend."""
+    """Width and height in inches, at most 6.4 wide: the drive's shape, with title and legend."""
     shape = float(np.clip(extent[1] / max(extent[0], 1e-9), 0.35, 1.6))
     width = 6.4 if shape <= 1 else 5.4
     return width, min(width * shape, 6.4) + 1.1
