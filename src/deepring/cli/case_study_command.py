@@ -28,8 +28,8 @@ from deepring.paper.case_study import (
     ErrorRow,
     Kind,
     Motion,
-    Pair,
-    Scan,
+    Position,
+    TwinPair,
     case_pair,
     measure,
     write_errors,
@@ -73,7 +73,7 @@ def case_study_command(args: argparse.Namespace) -> None:
             f"{source.title}: none of its {len(source.files)} scans can be used "
             f"(first: {left_out[0]})"
         )
-    pair = case_pair(first.points, _motion(args), source.ground_z, args.seed)
+    pair = case_pair(first[0], _motion(args), source.ground_z, args.seed)
     repeats = math.ceil(args.pairs / len(source.files))
     with progress_bar("moving scans") as progress:
         every = chain([first], scans)
@@ -132,7 +132,9 @@ def _dataset(root: Path, format: str | None, name: str | None) -> Source:
     return Source(title, format, session.read, ground_z, session.files, session.positions)
 
 
-def _readable(source: Source, seed: int, left_out: list[str]) -> Iterator[Scan]:
+def _readable(
+    source: Source, seed: int, left_out: list[str]
+) -> Iterator[tuple[Points, Position | None]]:
     """The scans of a dataset in random order; messages about broken ones go to ``left_out``.
 
     Files named by hand keep their order, and a broken one is an error.
@@ -148,7 +150,7 @@ def _readable(source: Source, seed: int, left_out: list[str]) -> Iterator[Scan]:
                 raise
             left_out.append(str(error))
             continue
-        yield Scan(points, None if source.positions is None else source.positions[k])
+        yield points, None if source.positions is None else source.positions[k]
 
 
 def _points(source: Source, file: Path) -> Points:
@@ -171,7 +173,7 @@ def _motion(args: argparse.Namespace) -> Motion:
 
 
 def _report(
-    source: Source, pair: Pair, rows: Sequence[ErrorRow], left_out: Sequence[str], output: Path
+    source: Source, pair: TwinPair, rows: Sequence[ErrorRow], left_out: Sequence[str], output: Path
 ) -> None:
     means = {(row.representation, row.kind, row.value): row for row in rows}
     shown = [column for column in SHOWN if (NAMES[0], column[0], column[1]) in means]
