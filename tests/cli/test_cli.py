@@ -70,7 +70,7 @@ MISTAKES = [
     (["data=nclt", "data.root=nowhere"], ["nowhere"]),
     (["data=ncltt", "data.root=x"], ["ncltt", "sim_nclt"]),
     (["data.rooot=x"], ["rooot"]),
-    (["evaluation.candidates=many"], ["evaluation.candidates", "many"]),
+    (["data.spacing.query=far"], ["data.spacing.query", "far"]),
     (["checkpoint=gone.ckpt", "data.root={tiny}"], ["gone.ckpt"]),
     (["data.root={tiny}", "data.database='1999-01-01'"], ["1999-01-01", "2031-02-04"]),
     (["data.root={tiny}", "data=sim_mulran"], ["nclt"]),

@@ -39,7 +39,11 @@ def trained(tiny_nclt, tmp_path, monkeypatch):
                 "train",
                 [
                     *("sampling=pairs", "loss=info_nce", "sampling.pairs=4"),
-                    *("sampling.per_epoch=3", "encoder=unet_small", f"data.root={tiny_nclt}"),
+                    *(
+                        "sampling.per_epoch=3",
+                        "method/encoder=unet_small",
+                        f"data.root={tiny_nclt}",
+                    ),
                     *(*TINY_DATA, f"paths.outputs={tmp_path}", f"paths.run={folder}"),
                     *(f"trainer.max_epochs={epochs}", "trainer.log_every_n_steps=1"),
                     *("callbacks.progress=null", "evaluate=false", *overrides),
@@ -68,5 +72,5 @@ def test_the_docs_scheme_refuses_losses_and_keys_of_others(trained):
         trained("run", 1, "loss=cross_entropy")
     with pytest.raises(ConfigError, match=r"sampling\.pairs: 1, expected"):
         trained("run", 1, "sampling.pairs=1")
-    with pytest.raises(ConfigError, match=r"sampling\.ways: unknown to PairScheme"):
+    with pytest.raises(ConfigError, match=r"sampling\.ways: unknown, expected one of pairs"):
         trained("run", 1, "+sampling.ways=3")

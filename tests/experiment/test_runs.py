@@ -8,6 +8,7 @@ from omegaconf import OmegaConf
 from deepring.errors import DeepringError
 from deepring.evaluation.case import Case
 from deepring.evaluation.results import Result, write_results
+from deepring.experiment.record import record_of
 from deepring.experiment.runs import find_runs, read_run
 from deepring.experiment.status import Status, write_status
 from deepring.paper.ablation import ablation_tables
@@ -150,7 +151,7 @@ def test_every_variant_that_can_be_trained_has_its_row(compose_in, tmp_path):
     }
     for variant in rows:
         cfg = compose_in(tmp_path / "outputs", "experiment=demo", f"variant={variant}")
-        run_folder(tmp_path / variant, OmegaConf.to_container(cfg))
+        run_folder(tmp_path / variant, record_of(cfg))
     (table,) = ablation_tables(find_runs([tmp_path]).runs)
     assert {tuple(entry.names.values()) for entry in table.entries} == set(rows.values())
     grid = shown_table(table)

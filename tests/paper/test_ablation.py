@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from deepring.errors import DeepringError
 from deepring.evaluation.case import Case
 from deepring.evaluation.results import Result
-from deepring.paper.ablation import ablation_tables
+from deepring.paper.ablation import ablation_tables, collect_rows
 from deepring.paper.ablation_tables import number_table, shown_table
-from deepring.paper.seed_groups import Run, collect_rows, varied
+from deepring.paper.seed_groups import Run, mean_text, varied
 
 LOSSES = "deepring.training.episodes."
 GAP = {"method.aggregation.kind": "gap"}
@@ -86,12 +86,12 @@ def test_a_row_is_the_mean_and_sample_deviation_over_its_seeds():
     assert entry.mean == pytest.approx(0.6333333)
     assert entry.deviation == pytest.approx(0.1527525), "n - 1, not n"
     assert entry.deviation != pytest.approx(statistics.pstdev([0.5, 0.6, 0.8]))
-    assert entry.text == "0.633 ± 0.153"
+    assert mean_text(entry.recalls.values()) == "0.633 ± 0.153"
 
 
 def test_one_run_has_no_deviation():
     (entry,) = table([run(0.5)]).entries
-    assert (entry.text, entry.deviation) == ("0.500", None)
+    assert (mean_text(entry.recalls.values()), entry.deviation) == ("0.500", None)
     assert "one run a row, seed 0" in table([run(0.5)]).notes
 
 
@@ -119,12 +119,12 @@ def test_the_order_of_runs_does_not_matter(order, recalls):
     ],
 )
 def test_what_cannot_change_what_is_learnt_makes_no_other_row(changes):
-    assert len(collect_rows([run(), run(seed=1, changes=changes)]).rows) == 1
+    assert len(collect_rows([run(), run(seed=1, changes=changes)])[0]) == 1
 
 
 def test_where_further_test_data_lie_may_go_with_the_seed():
     runs = [run(seed=s, changes={"test_data": {"x": {"root": f"x{s}"}}}) for s in (0, 1)]
-    assert len(collect_rows(runs).rows) == 1
+    assert len(collect_rows(runs)[0]) == 1
     other = run(folder="two", changes=GAP | {"test_data": {"x": {"root": "elsewhere"}}})
     with pytest.raises(DeepringError, match=r"test_data\.x\.root \(seed 0\): 'x0' in"):
         collect_rows([*runs, other])
@@ -135,15 +135,15 @@ def test_where_further_test_data_lie_may_go_with_the_seed():
     [{"optimizer.lr": 0.01}, {"method.encoder.widths": [8, 32]}, {"trainer.max_epochs": 13}, GAP],
 )
 def test_anything_else_does(changes):
-    assert len(collect_rows([run(), run(seed=1, changes=changes)]).rows) == 2
+    assert len(collect_rows([run(), run(seed=1, changes=changes)])[0]) == 2
 
 
 def test_the_methods_preprocessing_is_no_key_of_its_own_unless_it_is_set_apart():
     both = {"preprocessing.window": 7, "method.raster.preprocessing.window": 7}
-    rows = collect_rows([run(), run(seed=1, changes=both)], mix=True).rows
+    rows = collect_rows([run(), run(seed=1, changes=both)], mix=True)[0]
     assert varied(rows) == ["preprocessing.window"]
     apart = {"method.raster.preprocessing.window": 7}
-    rows = collect_rows([run(), run(seed=1, changes=apart)]).rows
+    rows = collect_rows([run(), run(seed=1, changes=apart)])[0]
     assert varied(rows) == ["method.raster.preprocessing.window"]
 
 
@@ -154,9 +154,11 @@ def test_means_over_other_seeds_are_not_called_best():
 
 
 def test_the_same_row_and_seed_twice_is_refused_naming_both_unless_they_agree():
-    with pytest.raises(DeepringError, match=r"seed 0 .* twice, .*: first and second; .* delete"):
+    with pytest.raises(
+        DeepringError, match=r"seed 0: twice, .* 0\.5 in first, 0\.6 in second; .* delete"
+    ):
         collect_rows([run(0.5, folder="first"), run(0.6, folder="second")])
-    (row,) = collect_rows([run(folder="first"), run(folder="second")]).rows
+    (row,) = collect_rows([run(folder="first"), run(folder="second")])[0]
     assert list(row.results) == [0]
 
 
@@ -184,7 +186,7 @@ def test_results_counted_on_other_queries_are_refused_within_a_seed_alone():
     with pytest.raises(DeepringError, match=message):
         collect_rows(runs)
     collect_rows([run(), run(changes=GAP), run(seed=1, queries=99)])
-    assert any("99 in two" in note for note in collect_rows(runs, mix=True).notes)
+    assert any("99 in two" in note for note in collect_rows(runs, mix=True)[1])
 
 
 def test_mixed_what_differs_is_a_column_even_where_the_components_tell_it_apart():
@@ -324,9 +326,9 @@ def test_recall_is_read_at_the_asked_radius_over_the_asked_queries():
 
 
 def test_a_radius_that_was_not_evaluated_is_named_with_those_that_were():
-    with pytest.raises(DeepringError, match=r"radius 7 m: 0 results .* in ours.*: 5, 10;"):
+    with pytest.raises(DeepringError, match=r"radius 7 m: no result of DeepRING in ours.*: 5, 10;"):
         collect_rows([run()], radius=7.0)
-    with pytest.raises(DeepringError, match="runs: none given"):
+    with pytest.raises(DeepringError, match="runs: no result in any"):
         collect_rows([])
 
 

@@ -19,7 +19,6 @@ from deepring.paper.case_study import (
     UNRELATED_M,
     Extractor,
     Motion,
-    Scan,
     case_pair,
     measure,
     undo_turn,
@@ -51,7 +50,7 @@ def rows_of(rows, name, kind):
 
 @pytest.fixture(scope="module")
 def measured():
-    scans = [Scan(scan(seed), np.array([1000.0 * seed, 0.0])) for seed in range(4)]
+    scans = [(scan(seed), np.array([1000.0 * seed, 0.0])) for seed in range(4)]
     return measure(scans, GROUND, pairs=4)
 
 
@@ -143,7 +142,7 @@ def test_a_turn_between_two_rows_costs_pg_far_more_than_a_whole_row(measured):
 
 def test_unrelated_means_far_apart_or_another_file():
     def kinds(*positions):
-        scans = [Scan(scan(k), p and np.array(p)) for k, p in enumerate(positions)]
+        scans = [(scan(k), p and np.array(p)) for k, p in enumerate(positions)]
         return {row.kind for row in measure(scans, GROUND, pairs=2)}
 
     near, far = (0.0, UNRELATED_M - 1), (0.0, UNRELATED_M + 1)
@@ -155,7 +154,7 @@ def test_unrelated_means_far_apart_or_another_file():
 
 def test_the_same_place_turned_is_aligned_before_it_counts_as_unrelated():
     points = scan(0)
-    twice = [Scan(points, None), Scan(Motion(90.0)(points), None)]
+    twice = [(points, None), (Motion(90.0)(points), None)]
     rows = measure(twice, GROUND, pairs=2)
     assert rows_of(rows, "SG", "unrelated")[None].mean < 0.15
 
@@ -166,12 +165,12 @@ def test_few_scans_are_repeated_from_other_headings_and_no_more_are_read():
     def scans():
         for k in range(5):
             read.append(k)
-            yield Scan(scan(k), None)
+            yield scan(k), None
 
     rows = measure(scans(), GROUND, pairs=3, repeats=2)
     assert read == [0, 1]
     assert {row.n for row in rows} == {3}
-    repeated = rows_of(measure([Scan(scan(0), None)], GROUND, 2, 2), "SG", "rotation")
+    repeated = rows_of(measure([(scan(0), None)], GROUND, 2, 2), "SG", "rotation")
     assert repeated[45.0].q25 < repeated[45.0].q75, "another heading, another error"
 
 
@@ -179,7 +178,7 @@ def test_the_same_seed_gives_the_same_file_and_another_seed_another(tmp_path):
     files = []
     for number, seed in enumerate((3, 3, 4)):
         files.append(tmp_path / f"{number}.csv")
-        write_errors(files[-1], measure([Scan(scan(0), None)], GROUND, pairs=1, seed=seed))
+        write_errors(files[-1], measure([(scan(0), None)], GROUND, pairs=1, seed=seed))
     same, again, other = (file.read_bytes() for file in files)
     assert same == again != other
 
@@ -201,4 +200,4 @@ def test_nothing_to_measure_is_an_error():
     with pytest.raises(DeepringError, match="scans"):
         measure([], GROUND)
     with pytest.raises(DeepringError, match="pairs: 0"):
-        measure([Scan(scan(0), None)], GROUND, pairs=0)
+        measure([(scan(0), None)], GROUND, pairs=0)

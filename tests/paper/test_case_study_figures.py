@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deepring.errors import DeepringError
-from deepring.paper.case_study import NAMES, ErrorRow, Motion, Pair, View
+from deepring.paper.case_study import NAMES, ErrorRow, Motion, TwinPair, View
 from deepring.paper.case_study_figures import error_figure, pair_figure
 from deepring.reports.style import save
 
@@ -19,7 +19,7 @@ def pair():
         View(name, rng.random((2, 12, 8)), rng.random((2, 12, 5)), rng.random((12, 5)), error)
         for name, error in zip(NAMES, (0.12, 0.71), strict=True)
     )
-    return Pair(Motion(-90.0, (3.0, 4.0)), bevs, EXTENT, views)
+    return TwinPair(Motion(-90.0, (3.0, 4.0)), bevs, EXTENT, views)
 
 
 def rows(unrelated=True):

@@ -13,7 +13,7 @@ from deepring.evaluation.case import Case
 from deepring.evaluation.results import Result
 from deepring.paper.comparison import compare, is_comparison
 from deepring.paper.comparison_tables import number_table, shown_tables
-from deepring.paper.comparison_values import PAPER_RATES, Rates, family, paper_rates, slip
+from deepring.paper.paper_values import PAPER_RATES, Rates, family, paper_rates, slip
 from deepring.paper.seed_groups import Run
 from deepring.reports.table import latex, markdown
 
@@ -232,7 +232,7 @@ def test_other_radius_and_all_queries():
     grid = shown(runs, over="all")["table1"]
     assert column(grid, "Recall@1") == ["0.640"], "0.8 of the 80 that are answerable, of 100"
     assert "right within 10 m, recall over all queries" in grid.title
-    with pytest.raises(DeepringError, match="over 'some'"):
+    with pytest.raises(DeepringError, match="over: 'some'"):
         compare(runs, over="some")
 
 
@@ -360,7 +360,9 @@ def test_results_counted_on_other_queries_are_refused_within_a_seed_alone():
 def test_one_method_with_other_settings_is_no_mean():
     other = {"optimizer": {"lr": 1e-2}}
     runs = [learned(folder="one"), learned(seed=1, folder="two", **other)]
-    message = r"optimizer\.lr: 0\.001 in one, 0\.01 in two; .* of one method with the same settings"
+    message = (
+        r"optimizer\.lr: 0\.001 in one, 0\.01 in two; .* means over runs with the same settings"
+    )
     with pytest.raises(DeepringError, match=message):
         compare(runs)
     compare([learned(), learned("EgoNN", **other)])

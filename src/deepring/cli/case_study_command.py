@@ -28,8 +28,8 @@ from deepring.paper.case_study import (
     ErrorRow,
     Kind,
     Motion,
-    Pair,
-    Scan,
+    Position,
+    TwinPair,
     case_pair,
     measure,
     write_errors,
@@ -73,7 +73,7 @@ def case_study_command(args: argparse.Namespace) -> None:
             f"{source.title}: none of its {len(source.files)} scans can be used "
             f"(first: {complaints[0]})"
         )
-    pair = case_pair(first.points, _motion(args), source.ground_z, args.seed)
+    pair = case_pair(first[0], _motion(args), source.ground_z, args.seed)
     repeats = math.ceil(args.pairs / len(source.files))
     with progress_bar("moving scans") as progress:
         usable = chain([first], scans)
@@ -134,7 +134,9 @@ def _dataset(root: Path, format: str | None, name: str | None) -> Source:
     return Source(title, format, session.read, ground_z, session.files, session.positions)
 
 
-def _readable(source: Source, seed: int, complaints: list[str]) -> Iterator[Scan]:
+def _readable(
+    source: Source, seed: int, complaints: list[str]
+) -> Iterator[tuple[Points, Position | None]]:
     """The scans of a dataset in random order; messages about broken ones go to ``complaints``.
 
     Scan files keep their order, and a broken one is an error.
@@ -150,7 +152,7 @@ def _readable(source: Source, seed: int, complaints: list[str]) -> Iterator[Scan
                 raise
             complaints.append(str(error))
             continue
-        yield Scan(points, None if source.positions is None else source.positions[k])
+        yield points, None if source.positions is None else source.positions[k]
 
 
 def _points(source: Source, file: Path) -> Points:
@@ -173,7 +175,11 @@ def _motion(args: argparse.Namespace) -> Motion:
 
 
 def _report(
-    source: Source, pair: Pair, rows: Sequence[ErrorRow], complaints: Sequence[str], output: Path
+    source: Source,
+    pair: TwinPair,
+    rows: Sequence[ErrorRow],
+    complaints: Sequence[str],
+    output: Path,
 ) -> None:
     means = {(row.representation, row.kind, row.value): row for row in rows}
     columns = [column for column in COLUMNS if (NAMES[0], column[0], column[1]) in means]

@@ -15,12 +15,11 @@ from deepring.io.files import replacing
 from deepring.paper.ablation import AblationTable, ablation_tables
 from deepring.paper.ablation_figures import ablation_figure
 from deepring.paper.ablation_tables import number_table, shown_table
-from deepring.paper.comparison import Comparison, compare, is_comparison
-from deepring.paper.comparison_curves import curve_panels
-from deepring.paper.comparison_figures import comparison_figure
+from deepring.paper.comparison import MethodComparison, compare, is_comparison
+from deepring.paper.comparison_figures import comparison_figure, curve_panels
 from deepring.paper.comparison_tables import number_table as comparison_numbers
 from deepring.paper.comparison_tables import shown_tables
-from deepring.paper.seed_groups import Run, seed_of
+from deepring.paper.seed_groups import Run
 from deepring.reports.style import save
 from deepring.reports.table import Table, csv, latex, markdown, terminal
 
@@ -48,19 +47,19 @@ def _show_ablation(tables: Sequence[AblationTable], folder: Path) -> None:
         _save(ablation_figure(table), folder / f"{table.name}.png")
 
 
-def _show_comparison(comparison: Comparison, runs: Sequence[Run], folder: Path) -> None:
+def _show_comparison(comparison: MethodComparison, runs: Sequence[Run], folder: Path) -> None:
     """Print the tables, and write them, all numbers in one file, and a figure."""
     tables = shown_tables(comparison)
     console.print(terminal(list(tables.values())))
     for name, table in tables.items():
         _write_shown(name, table, folder)
     _write(folder / "comparison.csv", csv(comparison_numbers(comparison)))
-    matches = ((seed_of(run), of_case) for run in runs for of_case in matches_in(run.folder))
-    curves = curve_panels(comparison, matches)
-    if curves.panels:
-        for row in curves.lacking:
+    matches = ((run.seed, of_case) for run in runs for of_case in matches_in(run.folder))
+    panels, lacking = curve_panels(comparison, matches)
+    if panels:
+        for row in lacking:
             console.print(f"no curve     {row}: no {FOLDER}/*.csv", markup=False)
-        _save(comparison_figure(curves.panels, comparison.radius), folder / "pr_curves.png")
+        _save(comparison_figure(panels, comparison.radius), folder / "pr_curves.png")
     else:
         console.print(f"no figure    no {FOLDER}/*.csv of Table I or II in the run folders")
 

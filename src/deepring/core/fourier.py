@@ -1,4 +1,4 @@
-"""The Fourier transforms of Eq. 7 and 8, of empty batches as well, which torch refuses on a CPU."""
+"""The Fourier transforms of Eq. 7 and 8, also for empty batches, which torch rejects on a CPU."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,7 +9,7 @@ from torch import Tensor
 
 
 def _of_any_batch(name: str) -> Callable[..., Tensor]:
-    """torch.fft's function of that name; axes that it does not transform may be of length 0."""
+    """The function ``name`` of torch.fft, also for batch axes of length 0."""
 
     def transform(values: Shaped[Tensor, "..."], **arguments: Any) -> Shaped[Tensor, "..."]:
         function = getattr(torch.fft, name)

@@ -1,4 +1,4 @@
-"""Plain values, as JSON gives them back, checked against types and made into dataclasses."""
+"""Checks plain values from JSON against types, and builds dataclasses from them."""
 
 import sys
 from collections.abc import Mapping
@@ -17,17 +17,17 @@ _PLAIN = {
 
 
 def typed(kind: Any, value: Any, name: str) -> Any:
-    """The value as ``kind`` has it.
+    """The value, converted to ``kind``.
 
     Args:
         kind: bool, int, float, str, a ``Literal``, ``list[...]``, ``tuple[...]``,
             ``dict[str, ...]``, ``... | None``, ``Any``, or a dataclass of such fields, whose
-            value is a mapping of all its fields' names and no others.
-        value: plain; sequences are lists.
-        name: of the value, for messages.
+            value is a mapping of exactly its fields' names.
+        value: plain value; sequences are lists.
+        name: name of the value, for messages.
 
     Raises:
-        ConfigError: a value of another type, and what a dataclass refuses.
+        ConfigError: a value of another type, or one that a dataclass rejects.
 
     >>> typed(tuple[int, int] | None, [60, 31], "shape")
     (60, 31)
@@ -69,17 +69,17 @@ def typed(kind: Any, value: Any, name: str) -> Any:
 
 
 def field_values(value: Any) -> dict[str, Any]:
-    """A dataclass's values by name, for ``json.dumps(..., default=field_values)``.
+    """The values of a dataclass by name, for ``json.dumps(..., default=field_values)``.
 
     Raises TypeError for anything else.
     """
     return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
-def differing_names(given: Mapping[str, Any], wanted: set[str], optional: set[str]) -> list[str]:
-    """What is wrong with the names, in words: which are missing, and which nobody asked for."""
-    missing = sorted(wanted - optional - set(given))
-    unknown = sorted(set(given) - wanted)
+def differing_names(values: Mapping[str, Any], names: set[str], optional: set[str]) -> list[str]:
+    """Descriptions of the names that are missing from ``values``, and of the unknown ones."""
+    missing = sorted(names - optional - set(values))
+    unknown = sorted(set(values) - names)
     problems = [f"lacks {', '.join(missing)}"] if missing else []
     return problems + ([f"has an unknown {', '.join(unknown)}"] if unknown else [])
 
@@ -103,8 +103,8 @@ def _float(name: str, value: Any) -> float:
         ) from None
 
 
-def _expect(right: bool, name: str, value: Any, wanted: str) -> None:
-    if not right:
+def _expect(condition: bool, name: str, value: Any, description: str) -> None:
+    if not condition:
         text = repr(value)
         text = text if len(text) <= 80 else f"{text[:77]}..."
-        raise ConfigError(f"{name}: {text}, expected {wanted}")
+        raise ConfigError(f"{name}: {text}, expected {description}")

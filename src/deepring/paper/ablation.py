@@ -3,9 +3,10 @@
 A sweep that varies something else gets one table, whose columns are the keys it varies.
 """
 
+import re
 import statistics
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from deepring.evaluation.metrics import Over
@@ -21,11 +22,28 @@ from deepring.paper.paper_values import (
     paper_recall,
     paper_recall_at_ways,
 )
-from deepring.paper.seed_groups import Row, Rows, Run, collect_rows, varied
-from deepring.reports.results_table import recall
+from deepring.paper.seed_groups import (
+    HEADLINE,
+    Run,
+    RunResult,
+    SeedGroup,
+    about_lacking,
+    about_means,
+    comparable,
+    counts,
+    first_clash,
+    results_at,
+    sample_deviation,
+    seed_groups,
+    seeds_of,
+    varied,
+)
 from deepring.reports.table import NONE
 
 Name = Literal["table3", "table4", "ablation"]
+
+#: The name of the trained network in the results of a training run.
+TRAINED = "DeepRING"
 
 #: The headers of the first column of Table III and of Table IV.
 GROUP, CLASSES = "Ablation", "No. Class"
@@ -34,6 +52,10 @@ GROUP, CLASSES = "Ablation", "No. Class"
 COMPONENTS = ("Input", "Aggregation", "Loss")
 _GROUPS = ("Representation", "Aggregation", "Loss", "Ours")
 
+#: What must agree between runs that are compared. Where the data lie may go with the seed.
+_ROOT = re.compile(r"(data|(train|test)_data\.[^.]+)\.root")
+_PROTOCOL = re.compile(r"(data|train_data|test_data|preprocessing|evaluation)\..*")
+
 
 @dataclass(frozen=True, eq=False)
 class Entry:
@@ -41,11 +63,14 @@ class Entry:
 
     names: Mapping[str, str]
     """Column to text: what the row is."""
-    row: Row
-    recalls: Mapping[int, float]
-    """Seed to Recall@1."""
+    row: SeedGroup
     paper: float | None
     """The paper's Recall@1, where this is a setting of the paper's."""
+
+    @property
+    def recalls(self) -> dict[int, float]:
+        """Seed to Recall@1."""
+        return self.row.values()
 
     @property
     def mean(self) -> float:
@@ -56,12 +81,6 @@ class Entry:
     def deviation(self) -> float | None:
         """Sample standard deviation over the seeds; None for one."""
         return sample_deviation(self.recalls.values())
-
-    @property
-    def text(self) -> str:
-        """'0.859 ± 0.010', or '0.859' for one seed."""
-        spread = "" if self.deviation is None else f" ± {self.deviation:.3f}"
-        return f"{self.mean:.3f}{spread}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,26 +113,81 @@ def ablation_tables(
     Raises:
         DeepringError: as `collect_rows`, and an unknown ``over``.
     """
-    found = collect_rows(runs, radius, mix=mix)
-    classes, others = _split(found.rows)
+    rows, shared = collect_rows(runs, radius, over, mix=mix)
+    classes, others = _split(rows)
     tables: list[tuple[Name, str, list[Entry]]] = []
     if classes:
-        tables.append(
-            ("table4", "Class number (the paper's Table IV), ", _class_entries(classes, over))
-        )
+        title = "Class number (the paper's Table IV), "
+        tables.append(("table4", title, _class_entries(classes)))
     if len({components(row) for row in others}) > 1:
-        entries = _component_entries(others, found.mixed, over)
-        tables.insert(0, ("table3", "Components (the paper's Table III), ", entries))
+        title = "Components (the paper's Table III), "
+        tables.insert(0, ("table3", title, _component_entries(others)))
     elif others:
-        tables.append(("ablation", "", _key_entries(others, over)))
-    where = _where(found, radius, over)
+        tables.append(("ablation", "", _key_entries(others)))
+    places = sorted({r.case.place for row in rows for r in row.results.values()})
+    where = f"{', '.join(places)}: right within {radius:g} m, recall over {over} queries"
     return [
-        AblationTable(name, f"{title}{where}", entries, [*_seeds(entries), *found.notes, *notes])
+        AblationTable(name, f"{title}{where}", entries, [*_seeds(entries), *shared, *notes])
         for name, title, entries in tables
     ]
 
 
-def _split(rows: Sequence[Row]) -> tuple[list[Row], list[Row]]:
+def collect_rows(
+    runs: Sequence[Run], radius: float = 10.0, over: Over = "answerable", *, mix: bool = False
+) -> tuple[list[SeedGroup], list[str]]:
+    """Runs that differ in nothing but the seed as one row, and what is to be said of them.
+
+    Args:
+        runs: finished runs, each with a result of the trained network.
+        radius: metres; the results at this radius are taken.
+        over: recall as the share of the answerable queries, or of all.
+        mix: let runs on different data or under different protocols stand beside each other.
+
+    Raises:
+        DeepringError: no run, no result at this radius, an unknown ``over``, two runs of one row
+            and seed with other results, or, without ``mix``, runs whose data or protocols differ;
+            the key, its values and both run folders are named.
+    """
+    results = [
+        RunResult(run, result, _setting(run))
+        for run in runs
+        for result in results_at(run, radius, TRAINED)
+    ]
+    protocols, roots, counted = [], [], []
+    for each in results:
+        run, seed = each.run, f" (seed {each.run.seed})"
+        protocol = _protocol(each)
+        protocols.append(("protocol", run, protocol))
+        places = {f"{k}{seed}": v for k, v in each.setting.items() if _ROOT.fullmatch(k)}
+        # Mixed, places and counts are held against each other under one protocol alone.
+        group = (seed, frozen(protocol) if mix else "")
+        roots.append((("roots", *group), run, places))
+        case = each.result.case
+        tested = {f"results test{seed}": case.test, f"results region{seed}": case.region}
+        counted.append((("counts", *group), run, tested | counts(each.result, seed)))
+    notes = comparable(runs, [*protocols, *roots, *counted], mix=mix)
+    if first_clash(roots) is None:
+        results = [replace(each, setting=_without_roots(each)) for each in results]
+    return seed_groups(results, over, lambda each: frozen(each.setting)), notes
+
+
+def _setting(run: Run) -> dict[str, Any]:
+    setting = run.setting
+    # The other radii are counted besides, and change nothing.
+    radii = setting.pop("evaluation.radii", None)
+    return setting | {HEADLINE: radii[0]} if radii else setting
+
+
+def _without_roots(result: RunResult) -> dict[str, Any]:
+    return {key: value for key, value in result.setting.items() if not _ROOT.fullmatch(key)}
+
+
+def _protocol(result: RunResult) -> dict[str, Any]:
+    setting = _without_roots(result)
+    return {key: value for key, value in setting.items() if _PROTOCOL.fullmatch(key)}
+
+
+def _split(rows: Sequence[SeedGroup]) -> tuple[list[SeedGroup], list[SeedGroup]]:
     """The rows of Table IV, none where it is none, and those of the other table.
 
     Rows of SG/DFT/CE that differ in ways alone are Table IV. Those with the ways of other
@@ -130,66 +204,60 @@ def _split(rows: Sequence[Row]) -> tuple[list[Row], list[Row]]:
     return ours, [row for row in rows if row.setting.get(WAYS) in elsewhere]
 
 
-def _component_entries(rows: Sequence[Row], mixed: Collection[str], over: Over) -> list[Entry]:
-    kinds: dict[Components, list[Row]] = {}
+def _component_entries(rows: Sequence[SeedGroup]) -> list[Entry]:
+    kinds: dict[Components, list[SeedGroup]] = {}
     for row in rows:
         kinds.setdefault(components(row), []).append(row)
     # A key that follows from the components tells nothing that these do not.
     within = {key for alike in kinds.values() for key in varied(alike)}
-    keys = sorted(within | set(mixed) & set(varied(rows)))
+    keys = [key for key in varied(rows) if key in within or _PROTOCOL.fullmatch(key)]
 
-    def place(row: Row) -> Any:
+    def place(row: SeedGroup) -> Any:
         own = components(row)
         known = zip(own, (INPUTS, AGGREGATIONS, LOSSES), strict=True)
         order = [_position(part, list(names.values())) for part, names in known]
-        return _GROUPS.index(_group(own)), order, [by_size(row.setting.get(key)) for key in keys]
+        return _GROUPS.index(_group(own)), order, _sizes(row, keys)
 
     return [
-        _entry(
-            {GROUP: _group(components(row))}
-            | dict(zip(COMPONENTS, components(row), strict=True))
-            | {key: value_text(row.setting.get(key)) for key in keys},
+        Entry(
+            {GROUP: _group(components(row))} | _component_names(row) | _texts(row, keys),
             row,
-            over,
             paper_recall(row, rows),
         )
         for row in sorted(rows, key=place)
     ]
 
 
-def _class_entries(rows: Sequence[Row], over: Over) -> list[Entry]:
+def _class_entries(rows: Sequence[SeedGroup]) -> list[Entry]:
     keys = [key for key in varied(rows) if key != WAYS]
-
-    def place(row: Row) -> Any:
-        return [by_size(row.setting.get(key)) for key in (*keys, WAYS)]
-
     return [
-        _entry(
-            {CLASSES: value_text(row.setting.get(WAYS))}
-            | {key: value_text(row.setting.get(key)) for key in keys},
+        Entry(
+            {CLASSES: value_text(row.setting.get(WAYS))} | _texts(row, keys),
             row,
-            over,
             paper_recall_at_ways(row, rows),
         )
-        for row in sorted(rows, key=place)
+        for row in sorted(rows, key=lambda row: _sizes(row, [*keys, WAYS]))
     ]
 
 
-def _key_entries(rows: Sequence[Row], over: Over) -> list[Entry]:
+def _key_entries(rows: Sequence[SeedGroup]) -> list[Entry]:
     keys = varied(rows)
-
-    def names(row: Row) -> dict[str, str]:
-        if not keys:
-            return dict(zip(COMPONENTS, components(row), strict=True))
-        return {key: value_text(row.setting.get(key)) for key in keys}
-
-    ordered = sorted(rows, key=lambda row: [by_size(row.setting.get(key)) for key in keys])
-    return [_entry(names(row), row, over, paper_recall(row, rows)) for row in ordered]
+    return [
+        Entry(_texts(row, keys) or _component_names(row), row, paper_recall(row, rows))
+        for row in sorted(rows, key=lambda row: _sizes(row, keys))
+    ]
 
 
-def _entry(names: Mapping[str, str], row: Row, over: Over, paper: float | None) -> Entry:
-    recalls = {seed: recall(result, 1, over) for seed, result in row.results.items()}
-    return Entry(names, row, recalls, paper)
+def _component_names(row: SeedGroup) -> dict[str, str]:
+    return dict(zip(COMPONENTS, components(row), strict=True))
+
+
+def _texts(row: SeedGroup, keys: Sequence[str]) -> dict[str, str]:
+    return {key: value_text(row.setting.get(key)) for key in keys}
+
+
+def _sizes(row: SeedGroup, keys: Sequence[str]) -> list[tuple[int, float, str]]:
+    return [by_size(row.setting.get(key)) for key in keys]
 
 
 def _group(own: Components) -> str:
@@ -201,26 +269,10 @@ def _group(own: Components) -> str:
     return "Ours" if own == OURS else "Aggregation"
 
 
-def _where(found: Rows, radius: float, over: Over) -> str:
-    places = sorted({r.case.place for row in found.rows for r in row.results.values()})
-    return f"{', '.join(places)}: right within {radius:g} m, recall over {over} queries"
-
-
 def _seeds(entries: Sequence[Entry]) -> list[str]:
     """What the values are means of, and which rows lack seeds that others have."""
-    every = sorted({seed for entry in entries for seed in entry.recalls})
-    lacking = [entry for entry in entries if sorted(entry.recalls) != every]
-    if len(every) == 1:
-        return [f"one run a row, seed {every[0]}"]
-    note = f"mean ± sample standard deviation over the seeds {_listed(every)}"
-    if not lacking:
-        return [note]
-    rows = "; ".join(f"{_label(entry)} has {_listed(entry.recalls)}" for entry in lacking)
-    return [note, f"rows are not over the same seeds, so that none is marked best: {rows}"]
-
-
-def _listed(seeds: Iterable[int]) -> str:
-    return ", ".join(map(str, seeds))
+    labels = {entry.row: _label(entry) for entry in entries}
+    return [about_means(seeds_of(labels)), *about_lacking(list(labels), labels.__getitem__)]
 
 
 def _label(entry: Entry) -> str:
@@ -248,8 +300,3 @@ def value_text(value: Any) -> str:
     if value is None:
         return NONE
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def sample_deviation(values: Collection[float]) -> float | None:
-    """Standard deviation with n - 1; None for one value."""
-    return statistics.stdev(values) if len(values) > 1 else None

@@ -3,17 +3,12 @@
 import statistics
 from collections.abc import Iterable, Sequence
 
-from deepring.paper.ablation import (
-    CLASSES,
-    GROUP,
-    AblationTable,
-    Entry,
-    by_size,
-    sample_deviation,
-)
+from deepring.paper.ablation import CLASSES, GROUP, AblationTable, Entry, by_size
 from deepring.paper.paper_values import WAYS
-from deepring.paper.seed_groups import varied
-from deepring.reports.table import NONE, Cell, Table, best_bold
+from deepring.paper.seed_groups import mean_text, same_seeds, sample_deviation, seeds_of, varied
+from deepring.reports.table import NONE, Cell, Table, best_bold, full_text, rate_text
+
+_METRICS = ("recall_1", "f1_max", "auc")
 
 
 def shown_table(table: AblationTable) -> Table:
@@ -30,22 +25,18 @@ def number_table(table: AblationTable) -> Table:
     rows = [entry.row for entry in table.entries]
     keys = varied(rows)
     names = [name for name in table.entries[0].names if name not in keys]
-    seeds = sorted({seed for entry in table.entries for seed in entry.recalls})
-    spread = [f"{what}_{of}" for what in ("recall_1", "f1_max", "auc") for of in ("mean", "std")]
+    seeds = seeds_of(rows)
+    spread = [f"{what}_{of}" for what in _METRICS for of in ("mean", "std")]
     headers = [*names, *keys, "n", "seeds", *spread, "paper", *(f"seed_{seed}" for seed in seeds)]
     cells = []
     for entry in table.entries:
         texts = [entry.names[name] for name in names]
         texts += [str(entry.row.setting.get(key, "")) for key in keys]
         texts += [str(len(entry.recalls)), " ".join(map(str, entry.recalls))]
-        results = entry.row.results.values()
-        for values in (
-            entry.recalls.values(),
-            [result.f1_max for result in results],
-            [result.auc for result in results],
-        ):
-            texts += [_full(statistics.fmean(values)), _full(sample_deviation(values))]
-        texts += [_full(entry.paper), *(_full(entry.recalls.get(seed)) for seed in seeds)]
+        for metric in _METRICS:
+            values = entry.row.values(metric).values()
+            texts += [full_text(statistics.fmean(values)), full_text(sample_deviation(values))]
+        texts += [full_text(entry.paper), *(full_text(entry.recalls.get(seed)) for seed in seeds)]
         cells.append([*map(Cell, texts)])
     return Table(table.title, headers, cells, len(names) + len(keys))
 
@@ -62,7 +53,7 @@ def _rows_table(table: AblationTable) -> Table:
         texts = list(entry.names.values())
         if grouped and k and k not in breaks:
             texts[0] = ""  # a group is named once
-        paper = [Cell(_rate(entry.paper))] if with_paper else []
+        paper = [Cell(rate_text(entry.paper))] if with_paper else []
         rows.append([*map(Cell, texts), value, *paper])
     headers = [*names, "Recall@1", *(["paper"] if with_paper else [])]
     return Table(table.title, headers, rows, len(names), breaks, table.notes)
@@ -78,7 +69,7 @@ def _ways_table(table: AblationTable) -> Table:
     for entry, cell in zip(table.entries, cells, strict=True):
         lines.setdefault(tuple(entry.names[key] for key in keys), {})[entry.names[CLASSES]] = cell
         if entry.paper is not None:
-            paper[entry.names[CLASSES]] = Cell(_rate(entry.paper))
+            paper[entry.names[CLASSES]] = Cell(rate_text(entry.paper))
     rows = [
         [
             Cell("Recall@1"),
@@ -96,17 +87,9 @@ def _ways_table(table: AblationTable) -> Table:
 
 def _best_bold(entries: Sequence[Entry]) -> list[Cell]:
     """The best mean in bold; none where means are not over the same seeds, and so the same data."""
-    alike = len({frozenset(entry.recalls) for entry in entries}) == 1
-    return best_bold([entry.text for entry in entries], max if alike else None)
+    texts = [mean_text(entry.recalls.values()) for entry in entries]
+    return best_bold(texts, max if same_seeds(entry.row for entry in entries) else None)
 
 
 def _by_ways(entries: Iterable[Entry]) -> list[Entry]:
     return sorted(entries, key=lambda entry: by_size(entry.row.setting.get(WAYS)))
-
-
-def _rate(value: float | None) -> str:
-    return NONE if value is None else f"{value:.3f}"
-
-
-def _full(value: float | None) -> str:
-    return "" if value is None else repr(value)

@@ -43,11 +43,8 @@ ROTATIONS_DEG = tuple(2.5 * (360 / ROWS) * k for k in range(25))
 UNRELATED_M = 140.0
 
 
-class Scan(NamedTuple):
-    """A scan and where it was taken."""
-
-    points: Points
-    position: NDArray[np.float64] | None  # planar, (2,), metres; None where unknown
+Position = NDArray[np.float64]
+"""Planar, (2,), metres."""
 
 
 class Motion(NamedTuple):
@@ -104,7 +101,7 @@ class View:
 
 
 @dataclass(frozen=True, eq=False)
-class Pair:
+class TwinPair:
     """A scan and its moved twin."""
 
     motion: Motion
@@ -113,7 +110,7 @@ class Pair:
     views: tuple[View, ...]  # as NAMES
 
 
-def case_pair(points: Points, motion: Motion, ground_z: float, seed: int = 0) -> Pair:
+def case_pair(points: Points, motion: Motion, ground_z: float, seed: int = 0) -> TwinPair:
     """Move a scan and follow both to their difference.
 
     Args:
@@ -125,7 +122,7 @@ def case_pair(points: Points, motion: Motion, ground_z: float, seed: int = 0) ->
     bev = BevRaster()
     twins = (points, motion(points))
     views = tuple(_view(name, twins, motion.yaw_deg, ground_z, seed) for name in NAMES)
-    return Pair(motion, np.stack([bev(twin, ground_z) for twin in twins]), bev.extent, views)
+    return TwinPair(motion, np.stack([bev(twin, ground_z) for twin in twins]), bev.extent, views)
 
 
 def _view(name: Name, twins: Sequence[Points], yaw_deg: float, ground_z: float, seed: int) -> View:
@@ -165,12 +162,12 @@ class _Still(NamedTuple):
     """An unmoved scan, as it waits to be compared with another place's."""
 
     scan: int
-    position: NDArray[np.float64] | None
+    position: Position | None
     rasters: dict[Name, Tensor]  # (1, ...)
 
 
 def measure(
-    scans: Iterable[Scan],
+    scans: Iterable[tuple[Points, Position | None]],
     ground_z: float,
     pairs: int = 64,
     repeats: int = 1,
@@ -183,7 +180,8 @@ def measure(
     in a random direction. The same arguments give the same rows.
 
     Args:
-        scans: at least one; no more are taken than the pairs need.
+        scans: at least one, points (n, 3) and where they were taken, None where unknown; no more
+            are taken than the pairs need.
         ground_z: z of the ground below the sensor in the scans' frame, metres.
         pairs: how many in all.
         repeats: pairs a scan, where there are fewer scans.
@@ -203,16 +201,16 @@ def measure(
     extractors = {name: Extractor(name, seed) for name in NAMES}
     errors: dict[Name, list[list[float]]] = {name: [] for name in NAMES}
     still: list[_Still] = []
-    for number, scan in enumerate(scans):
+    for number, (points, position) in enumerate(scans):
         for _ in range(min(repeats, pairs - len(still))):
             heading, direction = rng.uniform(0, 360), rng.uniform(0, 2 * math.pi)
-            twins = [motion(scan.points) for motion in _motions(heading, direction)]
+            twins = [motion(points) for motion in _motions(heading, direction)]
             first = {}
             for name, extractor in extractors.items():
                 rasters = extractor.rasters(twins, ground_z)
                 errors[name].append(_errors(extractor.magnitude(rasters)))
                 first[name] = rasters[:1]
-            still.append(_Still(number, scan.position, first))
+            still.append(_Still(number, position, first))
             progress(len(still), pairs)
         if len(still) == pairs:
             break

@@ -8,7 +8,7 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 
 from deepring.errors import DeepringError
-from deepring.paper.case_study import ROWS, ErrorRow, Kind, Name, Pair, View
+from deepring.paper.case_study import ROWS, ErrorRow, Kind, Name, TwinPair, View
 from deepring.reports.sinograms import draw_bev
 from deepring.reports.style import INK, LABEL_SIZE, PALETTE, SMALL_SIZE, new_figure, style_axes
 
@@ -18,7 +18,7 @@ _ACROSS: dict[Name, str] = {"SG": "τ (m)", "PG": "r (m)"}
 _COLOURS: dict[Name, str] = {"SG": PALETTE[0], "PG": PALETTE[1]}
 
 
-def pair_figure(pair: Pair) -> Figure:
+def pair_figure(pair: TwinPair) -> Figure:
     """Scan and twin from above; a row a representation: both images, magnitudes, difference.
 
     Magnitudes and difference of a row share one colour scale, whose steps are finer near zero,

@@ -1,80 +1,34 @@
-"""The paper's comparison of methods from the runs of a sweep: Table I, Table II, what crossing
-costs, and what each method takes.
+"""The paper's comparison of methods from the runs of a sweep: what stands in Table I and Table II.
+
+A block holds the rows of one test, which are compared with each other.
 """
 
-import statistics
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
+from deepring.evaluation.case import Case
 from deepring.evaluation.metrics import Over
-from deepring.paper.comparison_blocks import Block, Name, blocks_of, paper_of, seeds_of
-from deepring.paper.comparison_notes import block_notes, remark_notes
-from deepring.paper.comparison_results import Tested, collect
-from deepring.paper.comparison_values import FAMILIES, Rates, family, place_of
-from deepring.paper.seed_groups import Run, setting_of
+from deepring.paper.comparison_results import collect_cases, remarks_of, training_minutes
+from deepring.paper.paper_values import FAMILIES, Rates, family, paper_rates, place_of
+from deepring.paper.seed_groups import Run, SeedGroup
 
-_TITLES: dict[Name, str] = {
-    "table1": "In-domain comparison, test region (the paper's Table I)",
-    "table2": "Cross-domain comparison, whole drives (the paper's Table II)",
-    "further": "Further test sets, on which nothing was trained",
-}
+Name = Literal["table1", "table2", "further"]
+Block = Sequence[SeedGroup]
 
 
 @dataclass(frozen=True, eq=False)
-class ComparisonTable:
-    """Table I, Table II, or that of further test sets."""
-
-    name: Name
-    title: str
-    blocks: Sequence[Block]
-    notes: Sequence[str]
-
-    def paper(self, row: Tested) -> Rates | None:
-        """The paper's values of a row, where it has any."""
-        return paper_of(self.name, row)
-
-
-@dataclass(frozen=True, eq=False)
-class Crossing:
-    """Recall@1 of one method on one test region, trained there and trained elsewhere."""
-
-    method: str
-    test: str
-    elsewhere: str
-    """What it was trained on instead."""
-    in_domain: Mapping[int, float]
-    crossed: Mapping[int, float]
-    """Seed to Recall@1, both of the seeds that have both, in rising order."""
-
-    @property
-    def difference(self) -> dict[int, float]:
-        """Crossed minus in-domain, seed by seed."""
-        return {seed: value - self.in_domain[seed] for seed, value in self.crossed.items()}
-
-
-@dataclass(frozen=True, eq=False)
-class Cost:
-    """What one method takes."""
-
-    method: str
-    seconds_per_scan: float
-    """Median over all its results, as the next."""
-    seconds_per_query: float
-    minutes: float | None
-    """Mean training time; None where nothing was trained, or nobody noted it."""
-    seeds: int
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
+class MethodComparison:
     """Everything that a comparison shows."""
 
-    tables: Sequence[ComparisonTable]
-    """Those that hold anything, Table I first."""
-    crossings: Sequence[Crossing]
-    costs: Sequence[Cost]
-    tested: Sequence[Tested]
+    blocks: Mapping[Name, Sequence[Block]]
+    """Of the tables that hold anything, Table I first."""
+    rows: Sequence[SeedGroup]
     """By test and in the paper's order, those too that stand in no table."""
+    remarks: Mapping[str, Sequence[str]]
+    """Method to what its configs say in ``method.note``."""
+    minutes: Mapping[str, float]
+    """Method to its mean training time, where that was noted."""
     radius: float
     over: Over
     notes: Sequence[str]
@@ -93,7 +47,8 @@ def is_comparison(runs: Iterable[Run]) -> bool:
     tested in several places.
     """
     return any(
-        _method_class(run) != "DeepRing" or len({r.case.place for r in run.results}) > 1
+        str(run.setting.get("method._target_")).rpartition(".")[2] != "DeepRing"
+        or len({result.case.place for result in run.results}) > 1
         for run in runs
     )
 
@@ -105,8 +60,8 @@ def compare(
     *,
     mix: bool = False,
     notes: Sequence[str] = (),
-) -> Comparison:
-    """Tables I and II, further test sets, what crossing costs, and what each method takes.
+) -> MethodComparison:
+    """What Tables I and II and further test sets hold, and what each method takes.
 
     Args:
         runs: finished runs of several methods, trainings and seeds.
@@ -116,59 +71,60 @@ def compare(
         notes: further notes to stand below the tables.
 
     Raises:
-        DeepringError: as `collect`.
+        DeepringError: as `deepring.paper.comparison_results.collect_cases`.
     """
-    found = collect(runs, radius, over, mix=mix)
-    tested = sorted(found.tested, key=_order)
-    shared = [*found.notes, *notes]
-    blocks = blocks_of(tested)
-    remarks = remark_notes([block for each in blocks.values() for block in each], found.remarks)
-    tables = []
-    for name, title in _TITLES.items():
-        if blocks[name]:
-            own = [*block_notes(name, blocks[name]), *remarks, *shared]
-            tables.append(ComparisonTable(name, title, blocks[name], own))
-            remarks = []  # below the first table alone
-    crossings, costs = _crossings(tested), _costs(tested, found.minutes)
-    return Comparison(tables, crossings, costs, tested, radius, over, shared)
+    groups, shared = collect_cases(runs, radius, over, mix=mix)
+    rows = sorted(groups, key=_order)
+    blocks = {name: blocks for name, blocks in blocks_of(rows).items() if blocks}
+    minutes = training_minutes(runs)
+    return MethodComparison(
+        blocks, rows, remarks_of(runs), minutes, radius, over, [*shared, *notes]
+    )
 
 
-def _method_class(run: Run) -> str:
-    return str(setting_of(run).get("method._target_")).rpartition(".")[2]
+def blocks_of(rows: Sequence[SeedGroup]) -> dict[Name, list[Block]]:
+    """The blocks of each table, in the order in which their first rows come.
+
+    Table I holds what was trained and tested on one dataset, in its test region. Table II holds
+    what was trained elsewhere and tested on the whole of a dataset that others were trained on.
+    A method that learns nothing stands in both. Tests on datasets that nothing was trained on are
+    further test sets. Some rows stand nowhere.
+    """
+    cases = [row.case for row in rows]
+    known = {name for case in cases for name in case.train.split("+") if name}
+    at_home = {case.test for case in cases if case.region == "test" and case.in_domain}
+    away = {case.test for case in cases if case.region == "whole" and case.crosses}
+
+    def in_table1(case: Case) -> bool:
+        fits = case.in_domain or not case.train
+        return fits and case.region == "test" and case.test in at_home
+
+    def in_table2(case: Case) -> bool:
+        fits = case.crosses or not case.train
+        return fits and case.region == "whole" and case.test in away & known
+
+    return {
+        "table1": _blocks(rows, in_table1),
+        "table2": _blocks(rows, in_table2),
+        "further": _blocks(rows, lambda case: case.test not in known),
+    }
 
 
-def _order(row: Tested) -> tuple[int, str, str, tuple[int, str], str]:
+def paper_of(name: Name, row: SeedGroup) -> Rates | None:
+    """The paper's values of a row of this table, where it has any."""
+    return paper_rates(name, row.case.test, row.case.method)
+
+
+def _blocks(rows: Iterable[SeedGroup], holds: Callable[[Case], bool]) -> list[Block]:
+    groups: dict[tuple[str, str], list[SeedGroup]] = {}
+    for row in rows:
+        if holds(row.case):
+            groups.setdefault((row.case.test, row.case.region), []).append(row)
+    return list(groups.values())
+
+
+def _order(row: SeedGroup) -> tuple[int, str, str, tuple[int, str], str]:
     """The paper's NCLT before its MulRan and both before the rest; then its order of methods."""
     case = row.case
     known = [*FAMILIES, None].index(family(case.test))
     return known, case.test, case.region, place_of(case.method), case.train
-
-
-def _crossings(tested: Sequence[Tested]) -> list[Crossing]:
-    """Of the test region, so that the same queries are counted both times."""
-    known = {row.case: row for row in tested}
-    found = []
-    for row in tested:
-        case = row.case
-        home = known.get(replace(case, train=case.test))
-        if case.crosses and case.region == "test" and home is not None:
-            own, away = home.values("recall_1"), row.values("recall_1")
-            both = [seed for seed in own if seed in away]
-            in_domain, crossed = ({seed: recalls[seed] for seed in both} for recalls in (own, away))
-            if both:
-                found.append(Crossing(case.method, case.test, case.train, in_domain, crossed))
-    return found
-
-
-def _costs(tested: Iterable[Tested], minutes: Mapping[str, float]) -> list[Cost]:
-    methods: dict[str, list[Tested]] = {}
-    for row in tested:
-        methods.setdefault(row.case.method, []).append(row)
-    costs = []
-    for method in sorted(methods, key=place_of):
-        rows = methods[method]
-        results = [result for row in rows for result in row.results.values()]
-        scan = statistics.median(result.seconds_per_scan for result in results)
-        query = statistics.median(result.seconds_per_query for result in results)
-        costs.append(Cost(method, scan, query, minutes.get(method), len(seeds_of(rows))))
-    return costs

@@ -1,7 +1,7 @@
-"""The paper's precision-recall figure: a panel a test, a colour a method, a line a seed."""
+"""Precision-recall curves of a comparison: which there are, and the figure of them."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,21 +9,66 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from deepring.errors import DeepringError
+from deepring.evaluation.case import Case
+from deepring.evaluation.counting import precision_recall
+from deepring.evaluation.matches import TopMatches
+from deepring.paper.comparison import Block, MethodComparison
+from deepring.paper.seed_groups import SeedGroup
 from deepring.reports.style import INK, LABEL_SIZE, SMALL_SIZE, new_figure, series, style_axes
+
+Curve = tuple[ArrayLike, ArrayLike]
+"""Precision and recall (t,), the highest threshold first."""
+
+Panels = Mapping[str, Mapping[str, Sequence[Curve]]]
+"""Title to method to a curve for each seed."""
+
+_PANELS = {"table1": "in-domain", "table2": "cross-domain"}
 
 #: Panels beside each other.
 _ACROSS = 2
 
 
-def comparison_figure(
-    panels: Mapping[str, Mapping[str, Sequence[tuple[ArrayLike, ArrayLike]]]], radius: float
-) -> Figure:
+def curve_panels(
+    comparison: MethodComparison, retrieved: Iterable[tuple[int, TopMatches]]
+) -> tuple[Panels, list[str]]:
+    """A panel for each test in Tables I and II, a curve for each row and seed.
+
+    Args:
+        comparison: whose rows and radius are taken.
+        retrieved: seed of the run, and what it retrieved in one test; those of a case and seed
+            that came before are passed over, as are those that stand in neither table.
+
+    Returns:
+        The panels and methods that have any curve, and which rows have none of some of their
+        seeds, in words.
+
+    Raises:
+        DeepringError: as `precision_recall`.
+    """
+    blocks = {
+        f"{block[0].case.test}, {_PANELS[name]}": block
+        for name, blocks in comparison.blocks.items()
+        if name in _PANELS
+        for block in blocks
+    }
+    wanted = {row.case: row for block in blocks.values() for row in block}
+    curves: dict[Case, dict[int, Curve]] = {case: {} for case in wanted}
+    for seed, matches in retrieved:
+        case = matches.case
+        if case in wanted and seed in wanted[case].results and seed not in curves[case]:
+            precision, recall, _ = precision_recall(matches, comparison.radius)
+            curves[case][seed] = precision, recall
+    panels = {title: _panel(block, curves) for title, block in blocks.items()}
+    lacking = [text for row in wanted.values() for text in _lacking(row, curves[row.case])]
+    return {title: panel for title, panel in panels.items() if panel}, lacking
+
+
+def comparison_figure(panels: Panels, radius: float) -> Figure:
     """Precision against recall of several methods in several tests, a thin line a seed.
 
     Args:
-        panels: title to method to a (precision, recall) a seed, (t,) each on the CPU, the highest
-            threshold first, as ``place_precision_recall`` gives them. The methods that come first
-            are drawn below the others.
+        panels: as `curve_panels` gives them, curves on the CPU. The methods that come first are
+            drawn below the others.
         radius: metres within which a retrieval is right, named in the figure's title.
 
     Raises:
@@ -45,11 +90,26 @@ def comparison_figure(
     return figure
 
 
+def _panel(block: Block, curves: Mapping[Case, Mapping[int, Curve]]) -> dict[str, list[Curve]]:
+    """Method to its curves by seed; the training is named where a method has several."""
+    methods = [row.case.method for row in block]
+    panel = {}
+    for row in block:
+        several = methods.count(row.case.method) > 1
+        label = f"{row.case.method} ({row.case.train})" if several else row.case.method
+        of_seed = curves[row.case]
+        if of_seed:
+            panel[label] = [of_seed[seed] for seed in sorted(of_seed)]
+    return panel
+
+
+def _lacking(row: SeedGroup, curves: Mapping[int, Curve]) -> list[str]:
+    seeds = [str(seed) for seed in row.results if seed not in curves]
+    return [f"{row.case}, seed {', '.join(seeds)}"] if seeds else []
+
+
 def _draw_panel(
-    axes: Axes,
-    title: str,
-    curves: Mapping[str, Sequence[tuple[ArrayLike, ArrayLike]]],
-    methods: Sequence[str],
+    axes: Axes, title: str, curves: Mapping[str, Sequence[Curve]], methods: Sequence[str]
 ) -> None:
     if not any(curves.values()):
         raise DeepringError(f"panels[{title!r}]: no curve; expected at least one; leave it out")

@@ -1,35 +1,52 @@
 """The tables of a comparison as texts: as the paper prints them, and in full for the CSV file."""
 
 import statistics
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import groupby
 
-from deepring.paper.ablation import sample_deviation
-from deepring.paper.comparison import Comparison, ComparisonTable, Cost, Crossing
-from deepring.paper.comparison_blocks import Block, seeds_of
-from deepring.paper.comparison_notes import about_means
-from deepring.paper.comparison_values import Rates
-from deepring.reports.table import NONE, Cell, Table, best_bold
+from deepring.evaluation.case import Case
+from deepring.paper.comparison import Block, MethodComparison, Name, paper_of
+from deepring.paper.comparison_notes import about_groups, block_notes, remark_notes
+from deepring.paper.paper_values import Rates, place_of
+from deepring.paper.seed_groups import (
+    SeedGroup,
+    mean_text,
+    same_seeds,
+    sample_deviation,
+    seeds_of,
+)
+from deepring.reports.table import NONE, Cell, Table, best_bold, full_text, rate_text, short_text
+
+_TITLES: dict[Name, str] = {
+    "table1": "In-domain comparison, test region (the paper's Table I)",
+    "table2": "Cross-domain comparison, whole drives (the paper's Table II)",
+    "further": "Further test sets, on which nothing was trained",
+}
 
 #: The headers of the metrics that the paper shows.
 _SHOWN = {"recall_1": "Recall@1", "f1_max": "F1", "auc": "AUC"}
 _METRICS = ("recall_1", "recall_5", "f1_max", "auc")
 
 
-def shown_tables(comparison: Comparison) -> dict[str, Table]:
+def shown_tables(comparison: MethodComparison) -> dict[str, Table]:
     """File name to table: table1, table2, further, crossing and costs, those that hold anything.
 
     Means to three digits; the best of a test is bold where all its rows are over the same seeds.
     """
     tables: dict[str, Table] = {}
-    for table in comparison.tables:
-        tables[table.name] = _methods_table(table, f"{table.title}: {comparison.conditions}")
-    if comparison.crossings:
-        tables["crossing"] = _crossing_table(comparison)
-    return tables | {"costs": _costs_table(comparison.costs)}
+    every = [block for blocks in comparison.blocks.values() for block in blocks]
+    remarks = remark_notes(every, comparison.remarks)
+    for name, blocks in comparison.blocks.items():
+        notes = [*block_notes(name, blocks), *remarks, *comparison.notes]
+        remarks = []  # below the first table alone
+        tables[name] = _methods_table(name, blocks, comparison.conditions, notes)
+    if crossings := _crossings(comparison.rows):
+        tables["crossing"] = _crossing_table(crossings, comparison)
+    return tables | {"costs": _costs_table(comparison)}
 
 
-def number_table(comparison: Comparison) -> Table:
+def number_table(comparison: MethodComparison) -> Table:
     """Every number in full, a row for each that was tested; "" where there is none.
 
     Beside what was trained and tested where: the table that holds it; radius; n and the seeds;
@@ -38,112 +55,122 @@ def number_table(comparison: Comparison) -> Table:
     names = ["method", "train", "test", "region", "table"]
     spread = [f"{metric}_{of}" for metric in _METRICS for of in ("mean", "std")]
     paper = [f"paper_{metric}" for metric in Rates._fields]
-    seeds = seeds_of(comparison.tested)
+    seeds = seeds_of(comparison.rows)
     by_seed = [f"recall_1_seed_{seed}" for seed in seeds]
-    holding = {row: table for table in comparison.tables for b in table.blocks for row in b.rows}
+    table_of = {
+        row: name for name, blocks in comparison.blocks.items() for block in blocks for row in block
+    }
     cells = []
-    for row in comparison.tested:
-        table = holding.get(row)
-        texts = [*row.case.columns.values(), table.name if table else ""]
+    for row in comparison.rows:
+        name = table_of.get(row)
+        texts = [*row.case.columns.values(), name or ""]
         texts += [repr(comparison.radius), comparison.over]
         texts += [str(len(row.results)), " ".join(map(str, row.results))]
         for metric in _METRICS:
             values = row.values(metric).values()
-            texts += [_full(statistics.fmean(values)), _full(sample_deviation(values))]
-        rates = table.paper(row) if table else None
-        texts += map(_full, rates or [None] * len(paper))
-        texts += [_full(row.values("recall_1").get(seed)) for seed in seeds]
+            texts += [full_text(statistics.fmean(values)), full_text(sample_deviation(values))]
+        rates = paper_of(name, row) if name else None
+        texts += map(full_text, rates or [None] * len(paper))
+        texts += [full_text(row.values().get(seed)) for seed in seeds]
         cells.append([*map(Cell, texts)])
     headers = [*names, "radius_m", "over", "n", "seeds", *spread, *paper, *by_seed]
     return Table("Comparison", headers, cells, len(names))
 
 
-def _methods_table(table: ComparisonTable, title: str) -> Table:
-    rows = [row for block in table.blocks for row in block.rows]
+def _methods_table(
+    name: Name, blocks: Sequence[Block], conditions: str, notes: Sequence[str]
+) -> Table:
+    rows = [row for block in blocks for row in block]
     trainings = {(row.case.method, row.case.test, row.case.train) for row in rows}
     ambiguous = len(trainings) > len({training[:2] for training in trainings})
     names = ["Dataset", "Approach"]
-    if table.name == "further" or ambiguous:
+    if name == "further" or ambiguous:
         names.append("trained on")
-    with_paper = any(table.paper(row) for row in rows)
-    values = [_values(table, block, with_paper) for block in table.blocks]
-    cells = [
-        [*map(Cell, _names(table, block, number)[: len(names)]), *columns]
-        for block, lines in zip(table.blocks, values, strict=True)
-        for number, columns in enumerate(lines)
-    ]
+    with_paper = any(paper_of(name, row) for row in rows)
+    cells = []
+    for block in blocks:
+        for number, values in enumerate(_values(name, block, with_paper)):
+            case = block[number].case
+            dataset = case.place if name == "further" else case.test
+            # A dataset is named once.
+            texts = ["" if number else dataset, case.method, case.train or NONE]
+            cells.append([*map(Cell, texts[: len(names)]), *values])
     headers = [h for shown in _SHOWN.values() for h in (shown, "paper")[: 1 + with_paper]]
-    breaks = _starts([len(block.rows) for block in table.blocks])
-    return Table(title, [*names, *headers], cells, len(names), breaks, table.notes)
+    breaks, title = _starts(blocks), f"{_TITLES[name]}: {conditions}"
+    return Table(title, [*names, *headers], cells, len(names), breaks, notes)
 
 
-def _names(table: ComparisonTable, block: Block, number: int) -> list[str]:
-    """What a row is; a dataset is named once."""
-    case = block.rows[number].case
-    dataset = block.place if table.name == "further" else block.test
-    return ["" if number else dataset, case.method, case.train or NONE]
-
-
-def _values(table: ComparisonTable, block: Block, with_paper: bool) -> Iterable[tuple[Cell, ...]]:
+def _values(name: Name, block: Block, with_paper: bool) -> Iterable[tuple[Cell, ...]]:
     """The rows of a block: each metric, the paper's beside it."""
     columns = []
     for metric in _SHOWN:
-        texts = [_spread(row.values(metric).values()) for row in block.rows]
-        columns.append(best_bold(texts, max if block.alike else None))
+        texts = [mean_text(row.values(metric).values()) for row in block]
+        columns.append(best_bold(texts, max if same_seeds(block) else None))
         if with_paper:
-            rates = [table.paper(row) for row in block.rows]
-            columns.append([Cell(_rate(r and getattr(r, metric))) for r in rates])
+            rates = [paper_of(name, row) for row in block]
+            columns.append([Cell(rate_text(r and getattr(r, metric))) for r in rates])
     return zip(*columns, strict=True)
 
 
-def _crossing_table(comparison: Comparison) -> Table:
+_Crossing = tuple[Case, dict[int, tuple[float, float]]]
+"""A case, and by seed its Recall@1 trained on what it is tested on, and trained elsewhere."""
+
+
+def _crossings(rows: Sequence[SeedGroup]) -> list[_Crossing]:
+    """Of the test region, so that the same queries are counted both times."""
+    known = {row.case: row for row in rows}
+    crossings = []
+    for row in rows:
+        home = known.get(replace(row.case, train=row.case.test))
+        if row.case.crosses and row.case.region == "test" and home is not None:
+            own, away = home.values(), row.values()
+            both = {seed: (own[seed], away[seed]) for seed in own if seed in away}
+            if both:
+                crossings.append((row.case, both))
+    return crossings
+
+
+def _crossing_table(crossings: Sequence[_Crossing], comparison: MethodComparison) -> Table:
     names = ["Dataset", "Approach", "trained elsewhere on"]
     cells: list[list[Cell]] = []
-    sizes = []
-    for test, group in groupby(comparison.crossings, key=lambda crossing: crossing.test):
-        rows = list(group)
-        best = max if len({frozenset(row.crossed) for row in rows}) == 1 else None
+    groups = [list(group) for _, group in groupby(crossings, key=lambda each: each[0].test)]
+    for group in groups:
+        best = max if len({frozenset(recalls) for _, recalls in group}) == 1 else None
+        of_rows = [list(recalls.values()) for _, recalls in group]
         columns = [
-            best_bold([_spread(row.in_domain.values()) for row in rows], best),
-            best_bold([_spread(row.crossed.values()) for row in rows], best),
-            best_bold([_spread(row.difference.values(), "+") for row in rows], best),
+            best_bold([mean_text([home for home, _ in both]) for both in of_rows], best),
+            best_bold([mean_text([away for _, away in both]) for both in of_rows], best),
+            best_bold([mean_text([b - a for a, b in both], "+") for both in of_rows], best),
         ]
-        for number, (row, *values) in enumerate(zip(rows, *columns, strict=True)):
-            own = ["" if number else test, row.method, row.elsewhere]
+        for number, ((case, _), *values) in enumerate(zip(group, *columns, strict=True)):
+            own = ["" if number else case.test, case.method, case.train]
             cells.append([*map(Cell, own), *values])
-        sizes.append(len(rows))
+    means = about_groups((f"{case.method} on {case.test}", list(both)) for case, both in crossings)
     return Table(
         f"What crossing costs, Recall@1 on the same test region: {comparison.conditions}",
         [*names, "in-domain", "crossed", "difference"],
         cells,
         len(names),
-        _starts(sizes),
-        [*_about_crossings(comparison.crossings), *comparison.notes],
+        _starts(groups),
+        [*means, *comparison.notes],
     )
 
 
-def _about_crossings(crossings: Sequence[Crossing]) -> list[str]:
-    """What the values are means of, by its seeds where rows have different ones."""
-    means: dict[str, list[str]] = {}
-    for row in crossings:
-        name = f"{row.method} on {row.test}"
-        means.setdefault(about_means(list(row.crossed)), []).append(name)
-    if len(means) == 1:
-        return list(means)
-    return [f"{note}: {', '.join(names)}" for note, names in means.items()]
-
-
-def _costs_table(costs: Sequence[Cost]) -> Table:
-    cells = [
-        [
-            Cell(cost.method),
-            Cell(_three_digits(cost.seconds_per_scan * 1e3)),
-            Cell(_three_digits(cost.seconds_per_query * 1e3)),
-            Cell(NONE if cost.minutes is None else _three_digits(cost.minutes)),
-            Cell(str(cost.seeds)),
-        ]
-        for cost in costs
-    ]
+def _costs_table(comparison: MethodComparison) -> Table:
+    """Medians over all results of a method, and its mean training time."""
+    methods: dict[str, list[SeedGroup]] = {}
+    for row in comparison.rows:
+        methods.setdefault(row.case.method, []).append(row)
+    cells = []
+    for method in sorted(methods, key=place_of):
+        rows = methods[method]
+        results = [result for row in rows for result in row.results.values()]
+        scan = statistics.median(result.seconds_per_scan for result in results)
+        query = statistics.median(result.seconds_per_query for result in results)
+        minutes = comparison.minutes.get(method)
+        trained = NONE if minutes is None else short_text(minutes)
+        texts = [method, short_text(scan * 1e3), short_text(query * 1e3), trained]
+        cells.append([*map(Cell, texts), Cell(str(len(seeds_of(rows))))])
     return Table(
         "Costs",
         ["Approach", "ms/scan", "ms/query", "training (min)", "seeds"],
@@ -157,25 +184,6 @@ def _costs_table(costs: Sequence[Cost]) -> Table:
     )
 
 
-def _starts(sizes: Sequence[int]) -> list[int]:
-    """The rows at which all blocks but the first begin."""
-    return [sum(sizes[:number]) for number in range(1, len(sizes))]
-
-
-def _spread(values: Collection[float], sign: str = "") -> str:
-    """'0.859 ± 0.010', or '0.859' for one seed."""
-    deviation = sample_deviation(values)
-    mean = f"{statistics.fmean(values):{sign}.3f}"
-    return mean if deviation is None else f"{mean} ± {deviation:.3f}"
-
-
-def _rate(value: float | None) -> str:
-    return NONE if value is None else f"{value:.3f}"
-
-
-def _three_digits(value: float) -> str:
-    return f"{float(f'{value:.3g}'):g}"
-
-
-def _full(value: float | None) -> str:
-    return "" if value is None else repr(value)
+def _starts(groups: Sequence[Sequence[object]]) -> list[int]:
+    """The rows at which all groups but the first begin."""
+    return [sum(map(len, groups[:number])) for number in range(1, len(groups))]

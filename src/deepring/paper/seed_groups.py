@@ -1,21 +1,23 @@
-"""From the runs of a sweep to rows: runs that differ in nothing but the seed are one row.
+"""From finished runs to the rows of tables: runs that differ in nothing but the seed are one row.
 
 Rows stand beside each other only where they were tested on the same data in the same way.
 """
 
 import math
 import re
+import statistics
 from collections import Counter
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
+from deepring.checks import one_of
 from deepring.errors import DeepringError
+from deepring.evaluation.case import Case
+from deepring.evaluation.metrics import Over
 from deepring.evaluation.results import Result
 from deepring.paper.flat import INDIFFERENT, flatten, frozen
-
-#: The name of the trained network in the results of a training run.
-TRAINED = "DeepRING"
+from deepring.reports.results_table import recall
 
 #: The first radius of a config, by which the checkpoint was chosen.
 HEADLINE = "evaluation.radii[0]"
@@ -32,13 +34,6 @@ _IRRELEVANT = re.compile(
 #: The method's preprocessing, which follows the config's unless it is set apart.
 _RASTER = "method.raster."
 
-#: What must agree between runs that are compared. Where the data lie may go with the seed.
-_PROTOCOL = re.compile(r"(data|train_data|test_data|preprocessing|evaluation)\..*")
-_ROOT = re.compile(r"(data|(train|test)_data\.[^.]+)\.root")
-
-#: What the results of one seed count, which must agree beside the data's place.
-COUNTED = ("database", "queries", "answerable")
-
 
 @dataclass(frozen=True, eq=False)
 class Run:
@@ -53,112 +48,202 @@ class Run:
     seconds: float | None = None
     """That the training took; None where nothing was trained, or nobody noted it."""
 
-
-class Origin(Protocol):
-    """Where a part of a table comes from."""
-
-    @property
-    def folder(self) -> str:
-        """The run's."""
-        ...
-
     @property
     def seed(self) -> int:
-        """The run's."""
-        ...
+        """Of its config. Raises DeepringError where that is no whole number."""
+        seed = self.config.get("seed")
+        if not isinstance(seed, int):
+            raise DeepringError(
+                f"{self.folder}: seed {seed!r} in its config; expected a whole number; "
+                "leave this folder out"
+            )
+        return seed
 
-
-_Origin = TypeVar("_Origin", bound=Origin)
+    @property
+    def setting(self) -> dict[str, Any]:
+        """Dotted keys to values of its config, without those that cannot change what is learnt."""
+        flat = flatten(self.config)
+        return {
+            key: value
+            for key, value in flat.items()
+            if not _IRRELEVANT.fullmatch(key) and not _repeated(key, flat)
+        }
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
-    """The runs of one configuration."""
+class RunResult:
+    """A result as it enters a row."""
 
+    run: Run
+    result: Result
+    setting: Mapping[str, Any]
+    """What made it."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeedGroup:
+    """A row: what one setting, or one case, gives, a result for each seed."""
+
+    case: Case
     setting: Mapping[str, Any]
     """Dotted config keys to values; absent where null."""
     results: Mapping[int, Result]
-    """A result for each seed, in rising order."""
+    """In rising order of seeds, all at one radius."""
+    over: Over
+
+    def values(self, metric: str = "recall_1") -> dict[int, float]:
+        """Seed to 'recall_1', 'recall_5' (both over the queries asked for), 'f1_max' or 'auc'."""
+        if metric.startswith("recall"):
+            k = int(metric.removeprefix("recall_"))
+            return {seed: recall(result, k, self.over) for seed, result in self.results.items()}
+        return {seed: getattr(result, metric) for seed, result in self.results.items()}
 
 
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """All rows, the dotted keys of protocol that differ between them, and what is to be said."""
-
-    rows: list[Row]
-    mixed: list[str]
-    notes: list[str]
+Stated = tuple[Hashable, Run, Mapping[str, Any]]
+"""Values that a run states, by name, and the group within which all have to state the same."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """A run as it enters a row."""
+def results_at(run: Run, radius: float, method: str | None = None) -> list[Result]:
+    """The run's results at a radius, of one method or of all.
 
-    folder: str
-    seed: int
-    setting: dict[str, Any]
-    roots: dict[str, Any]
-    result: Result
-
-    @property
-    def protocol(self) -> dict[str, Any]:
-        return {key: value for key, value in self.setting.items() if _PROTOCOL.fullmatch(key)}
-
-    @property
-    def counted(self) -> dict[str, Any]:
-        where = {f"results {name}": getattr(self.result.case, name) for name in ("test", "region")}
-        return where | {f"results {name}": getattr(self.result, name) for name in COUNTED}
-
-
-def collect_rows(runs: Sequence[Run], radius: float = 10.0, *, mix: bool = False) -> Rows:
-    """Runs that differ in nothing but the seed as one row, in the order in which they come.
-
-    Args:
-        runs: finished runs, each with a result of the trained network.
-        radius: metres; the results at this radius are taken.
-        mix: let runs on different data or under different protocols stand beside each other.
-
-    Raises:
-        DeepringError: no run, no result at this radius, two runs of one row and seed with other
-            results, or, without ``mix``, runs whose data or protocols differ; the key, its values
-            and both run folders are named.
+    Raises DeepringError where a case was not evaluated at it, or the method was not at all.
     """
-    if not runs:
-        raise DeepringError("runs: none given; expected at least one that has finished")
-    parts = [_part(run, radius) for run in runs]
-    notes = about_commits(runs)
-    if mix:
-        parts, more = _mixed(parts)
-        notes += more
-    else:
-        _refuse_mixture(parts)
-    return Rows(_rows(parts), _varied([part.protocol for part in parts]), notes)
+    cases: dict[Case | str, list[Result]] = {} if method is None else {method: []}
+    for result in run.results:
+        if method in (None, result.case.method):
+            cases.setdefault(method or result.case, []).append(result)
+    at_radius = []
+    for case, results in cases.items():
+        right = [result for result in results if math.isclose(result.radius_m, radius)]
+        if not right:
+            known = ", ".join(f"{r:g}" for r in sorted({result.radius_m for result in results}))
+            raise DeepringError(
+                f"radius {radius:g} m: no result of {case} in {run.folder}; radii evaluated "
+                f"there: {known or 'none'}; choose one of them with `radius`, or evaluate at this "
+                "radius (evaluation.radii)"
+            )
+        at_radius += right
+    return at_radius
 
 
-def varied(rows: Sequence[Row]) -> list[str]:
-    """Dotted keys whose values differ between rows, sorted."""
-    return _varied([row.setting for row in rows])
+def seed_groups(
+    results: Iterable[RunResult], over: Over, key: Callable[[RunResult], Hashable]
+) -> list[SeedGroup]:
+    """Results of one ``key`` as one row, in the order in which they come.
+
+    Raises DeepringError for no result, an unknown ``over``, and two results of one row and seed
+    that differ.
+    """
+    one_of("over", over, Over)
+    groups: dict[Hashable, dict[int, RunResult]] = {}
+    for each in results:
+        seed = each.run.seed
+        other = groups.setdefault(key(each), {}).setdefault(seed, each)
+        # Two sweeps may share a row; on one machine it comes out the same to the last digit.
+        if _rates(other.result) != _rates(each.result):
+            raise DeepringError(
+                f"{each.result.case}, seed {seed}: twice, with other figures: Recall@1 "
+                f"{other.result.recall_1} in {other.run.folder}, {each.result.recall_1} in "
+                f"{each.run.folder}; expected one run per seed; leave one of the two out of the "
+                "paths, or delete it"
+            )
+    if not groups:
+        raise DeepringError("runs: no result in any; expected at least one that has finished")
+    return [_group(by_seed, over) for by_seed in groups.values()]
 
 
-def seed_of(run: Run) -> int:
-    """The seed of its config. Raises DeepringError where that is no whole number."""
-    seed = run.config.get("seed")
-    if not isinstance(seed, int):
+def _group(by_seed: Mapping[int, RunResult], over: Over) -> SeedGroup:
+    first = next(iter(by_seed.values()))
+    results = {seed: by_seed[seed].result for seed in sorted(by_seed)}
+    return SeedGroup(first.result.case, first.setting, results, over)
+
+
+def comparable(runs: Sequence[Run], stated: Iterable[Stated], *, mix: bool) -> list[str]:
+    """Notes on what stands beside each other: the code's versions, and what is mixed.
+
+    Raises DeepringError where runs state other values, without ``mix``; the key, its values and
+    both run folders are named.
+    """
+    clash = first_clash(stated)
+    if clash is None:
+        return _about_commits(runs)
+    if not mix:
         raise DeepringError(
-            f"{run.folder}: seed {seed!r} in its config; expected a whole number; "
-            "leave this folder out"
+            f"{clash}; expected runs on the same data under the same protocol, and means over "
+            "runs with the same settings, since they are compared with each other; give runs that "
+            "agree, or `mix` to see them side by side"
         )
-    return seed
+    return [*_about_commits(runs), f"mixed, so that rows may not be comparable: {clash}"]
 
 
-def setting_of(run: Run) -> dict[str, Any]:
-    """Dotted keys to values of its config, without those that cannot change what is learnt."""
-    flat = flatten(run.config)
-    return {
-        key: value
-        for key, value in flat.items()
-        if not _IRRELEVANT.fullmatch(key) and not _repeated(key, flat)
-    }
+def first_clash(stated: Iterable[Stated]) -> str | None:
+    """The first disagreement within a group, in words; None where all agree."""
+    first: dict[Hashable, tuple[Run, Mapping[str, Any]]] = {}
+    for group, run, now in stated:
+        other, before = first.setdefault(group, (run, now))
+        for key in sorted(before.keys() | now.keys()):
+            if frozen(before.get(key)) != frozen(now.get(key)):
+                return (
+                    f"{key}: {before.get(key)!r} in {other.folder}, "
+                    f"{now.get(key)!r} in {run.folder}"
+                )
+    return None
+
+
+def counts(result: Result, where: str) -> dict[str, Any]:
+    """What a result counts, which must agree between those of one test and seed."""
+    names = ("database", "queries", "answerable")
+    return {f"results {name}{where}": getattr(result, name) for name in names}
+
+
+def varied(rows: Iterable[SeedGroup]) -> list[str]:
+    """Dotted keys whose values differ between rows, sorted."""
+    settings = [row.setting for row in rows]
+    keys = sorted({key for setting in settings for key in setting})
+    return [key for key in keys if len({frozen(setting.get(key)) for setting in settings}) > 1]
+
+
+def seeds_of(rows: Iterable[SeedGroup]) -> list[int]:
+    """The seeds of any of the rows, in rising order."""
+    return sorted({seed for row in rows for seed in row.results})
+
+
+def same_seeds(rows: Iterable[SeedGroup]) -> bool:
+    """Whether all rows are over the same seeds, and so the same data."""
+    return len({frozenset(row.results) for row in rows}) == 1
+
+
+def about_means(seeds: Sequence[int]) -> str:
+    """What a value over these seeds is."""
+    if len(seeds) == 1:
+        return f"one run a row, seed {seeds[0]}"
+    return f"mean ± sample standard deviation over the seeds {listed(seeds)}"
+
+
+def about_lacking(rows: Sequence[SeedGroup], label: Callable[[SeedGroup], str]) -> list[str]:
+    """A note on the rows that lack seeds which others have, else none."""
+    if same_seeds(rows):
+        return []
+    lacking = [row for row in rows if list(row.results) != seeds_of(rows)]
+    have = "; ".join(f"{label(row)} has {listed(row.results)}" for row in lacking)
+    return [f"rows are not over the same seeds, so that none is marked best: {have}"]
+
+
+def listed(seeds: Iterable[int]) -> str:
+    """'0, 1, 2'."""
+    return ", ".join(map(str, seeds))
+
+
+def sample_deviation(values: Collection[float]) -> float | None:
+    """Standard deviation with n - 1; None for one value."""
+    return statistics.stdev(values) if len(values) > 1 else None
+
+
+def mean_text(values: Collection[float], sign: str = "") -> str:
+    """'0.859 ± 0.010', or '0.859' for one seed."""
+    deviation = sample_deviation(values)
+    mean = f"{statistics.fmean(values):{sign}.3f}"
+    return mean if deviation is None else f"{mean} ± {deviation:.3f}"
 
 
 def _repeated(key: str, flat: Mapping[str, Any]) -> bool:
@@ -168,120 +253,19 @@ def _repeated(key: str, flat: Mapping[str, Any]) -> bool:
     return of_all and frozen(flat.get(common)) == frozen(flat[key])
 
 
-def _part(run: Run, radius: float) -> _Part:
-    seed, setting = seed_of(run), setting_of(run)
-    # The other radii are counted besides, and change nothing.
-    radii = setting.pop("evaluation.radii", None)
-    if radii:
-        setting[HEADLINE] = radii[0]
-    roots = {key: setting.pop(key) for key in list(setting) if _ROOT.fullmatch(key)}
-    return _Part(run.folder, seed, setting, roots, _result(run, radius))
-
-
-def _result(run: Run, radius: float) -> Result:
-    own = [result for result in run.results if result.case.method == TRAINED]
-    found = [result for result in own if math.isclose(result.radius_m, radius)]
-    if len(found) == 1:
-        return found[0]
-    known = ", ".join(f"{r:g}" for r in sorted({result.radius_m for result in own})) or "none"
-    raise DeepringError(
-        f"radius {radius:g} m: {len(found)} results of {TRAINED} in {run.folder}; expected one; "
-        f"radii evaluated there: {known}; choose one of them with `radius`, or evaluate at this "
-        "radius (evaluation.radii)"
-    )
-
-
-def _rows(parts: Iterable[_Part]) -> list[Row]:
-    groups: dict[str, dict[int, _Part]] = {}
-    for part in parts:
-        group = groups.setdefault(frozen(part.setting), {})
-        other = group.setdefault(part.seed, part)
-        # Two sweeps may share a row; on one machine it comes out the same to the last digit.
-        if rates(other.result) != rates(part.result):
-            raise DeepringError(
-                f"seed {part.seed} of one configuration twice, with other results: {other.folder} "
-                f"and {part.folder}; expected one run a seed; leave one of the two out of the "
-                "paths, or delete it"
-            )
-    return [
-        Row(
-            next(iter(group.values())).setting,
-            {seed: group[seed].result for seed in sorted(group)},
-        )
-        for group in groups.values()
-    ]
-
-
-def rates(result: Result) -> tuple[float, ...]:
+def _rates(result: Result) -> tuple[float, ...]:
     """What tells whether two results are the same one: the times are not among them."""
     return result.recall_1, result.recall_5, result.f1_max, result.auc
 
 
-def _refuse_mixture(parts: Sequence[_Part]) -> None:
-    clash = (
-        clash_of(parts, lambda part: part.protocol)
-        or clash_of(parts, lambda part: part.roots, lambda part: part.seed)
-        or clash_of(parts, lambda part: part.counted, lambda part: part.seed)
-    )
-    if clash:
-        raise DeepringError(
-            f"{clash}; expected runs on the same data under the same protocol, since rows are "
-            "compared with each other; give runs that agree, or `mix` to see them side by side"
-        )
-
-
-def _mixed(parts: Sequence[_Part]) -> tuple[list[_Part], list[str]]:
-    """Parts whose setting names the data's place where it differs within a seed, and notes."""
-
-    def alike(part: _Part) -> Hashable:
-        return part.seed, frozen(part.protocol)
-
-    if clash_of(parts, lambda part: part.roots, alike):
-        parts = [
-            _Part(part.folder, part.seed, part.setting | part.roots, part.roots, part.result)
-            for part in parts
-        ]
-    clash = clash_of(parts, lambda part: part.counted, alike)
-    notes = ["data and protocols are mixed: rows may not be comparable"]
-    return list(parts), notes + ([f"counted differently: {clash}"] if clash else [])
-
-
-def clash_of(
-    parts: Iterable[_Origin],
-    values: Callable[[_Origin], Mapping[str, Any]],
-    group: Callable[[_Origin], Hashable] = lambda _: None,
-) -> str | None:
-    """The first disagreement within a group, in words; None where all agree.
-
-    The seed is named with it, unless all parts are one group.
-    """
-    first: dict[Hashable, _Origin] = {}
-    for part in parts:
-        other = first.setdefault(group(part), part)
-        before, now = values(other), values(part)
-        for key in sorted(before.keys() | now.keys()):
-            if frozen(before.get(key)) != frozen(now.get(key)):
-                within = f" (seed {part.seed})" if group(part) is not None else ""
-                return (
-                    f"{key}{within}: {before.get(key)!r} in {other.folder}, "
-                    f"{now.get(key)!r} in {part.folder}"
-                )
-    return None
-
-
-def _varied(settings: Collection[Mapping[str, Any]]) -> list[str]:
-    keys = sorted({key for setting in settings for key in setting})
-    return [key for key in keys if len({frozen(setting.get(key)) for setting in settings}) > 1]
-
-
-def about_commits(runs: Iterable[Run]) -> list[str]:
+def _about_commits(runs: Iterable[Run]) -> list[str]:
     """A note where several versions of the code made them, else none."""
-    counts = Counter(commit for run in runs for commit in set(run.commits) or {"unknown"})
-    if len(counts) < 2:
+    numbers = Counter(commit for run in runs for commit in set(run.commits) or {"unknown"})
+    if len(numbers) < 2:
         return []
     shown = ", ".join(
-        f"{_short(commit)} ({count} run{'s' if count > 1 else ''})"
-        for commit, count in counts.items()
+        f"{_short(commit)} ({number} run{'s' if number > 1 else ''})"
+        for commit, number in numbers.items()
     )
     return [f"made by several versions of the code: commits {shown}"]
 

@@ -12,7 +12,7 @@ from deepring.evaluation.case import Case
 from deepring.evaluation.metrics import Over
 from deepring.evaluation.results import Result
 from deepring.reports import table as tables
-from deepring.reports.table import NONE, Cell, Table, best_bold
+from deepring.reports.table import NONE, Cell, Table, best_bold, rate_text, short_text
 
 
 @dataclass(frozen=True)
@@ -79,12 +79,12 @@ def _headline(results: Sequence[Result], radius: float, over: Over) -> list[Tabl
     columns = [
         *_NAMES,
         _Column("answerable", lambda result: f"{result.answerable}/{result.queries}"),
-        _Column("R@1", lambda result: _rate(recall(result, 1, over)), max),
-        _Column("R@5", lambda result: _rate(recall(result, 5, over)), max),
-        _Column("max F1", lambda result: _rate(result.f1_max), max),
-        _Column("AUC", lambda result: _rate(result.auc), max),
-        _Column("ms/scan", lambda result: _milliseconds(result.seconds_per_scan), min),
-        _Column("ms/query", lambda result: _milliseconds(result.seconds_per_query), min),
+        _Column("R@1", lambda result: rate_text(recall(result, 1, over)), max),
+        _Column("R@5", lambda result: rate_text(recall(result, 5, over)), max),
+        _Column("max F1", lambda result: rate_text(result.f1_max), max),
+        _Column("AUC", lambda result: rate_text(result.auc), max),
+        _Column("ms/scan", lambda result: short_text(result.seconds_per_scan * 1e3), min),
+        _Column("ms/query", lambda result: short_text(result.seconds_per_query * 1e3), min),
     ]
     return _tables(f"right within {radius:g} m, recall over {over} queries", columns, rows)
 
@@ -100,7 +100,7 @@ def _side_by_side(results: Sequence[Result], over: Over) -> list[Table]:
     def at(radius: float) -> Callable[[Result], str]:
         def text(row: Result) -> str:
             result = rows[row.case].get(radius)
-            return _rate(recall(result, 1, over)) if result else NONE
+            return rate_text(recall(result, 1, over)) if result else NONE
 
         return text
 
@@ -126,14 +126,6 @@ def _cells(group: Sequence[Result], columns: Sequence[_Column]) -> list[list[Cel
         best_bold([column.text(result) for result in group], column.best) for column in columns
     ]
     return [list(row) for row in zip(*by_column, strict=True)]
-
-
-def _rate(value: float) -> str:
-    return f"{value:.3f}"
-
-
-def _milliseconds(seconds: float) -> str:
-    return f"{float(f'{seconds * 1e3:.3g}'):g}"  # three significant digits, no exponent
 
 
 _NAMES = (

@@ -68,6 +68,21 @@ def best_bold(
     ]
 
 
+def rate_text(value: float | None) -> str:
+    """A share to three digits; "-" for none."""
+    return NONE if value is None else f"{value:.3f}"
+
+
+def full_text(value: float | None) -> str:
+    """A number with all its digits; "" for none."""
+    return "" if value is None else repr(value)
+
+
+def short_text(value: float) -> str:
+    """Three digits that count, no exponent: '0.0123', '123'."""
+    return f"{float(f'{value:.3g}'):g}"
+
+
 def terminal(tables: Sequence[Table]) -> Group:
     """The tables, one below the other; numbers keep their width on a narrow terminal."""
     parts: list[Text | rich_table.Table] = []
