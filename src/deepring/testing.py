@@ -144,8 +144,8 @@ def check_determinism(method: Method, rasters: Tensor, descriptors: Tensor) -> N
         raise MethodError(
             "determinism", f"described twice, descriptors differ by {error:.3g}, expected 0"
         )
-    alone = torch.cat([method.describe(rasters[k : k + 1]) for k in range(len(rasters))])
-    error = _difference(alone, descriptors)
+    single = torch.cat([method.describe(rasters[k : k + 1]) for k in range(len(rasters))])
+    error = _difference(single, descriptors)
     if not error <= TOLERANCE:
         raise MethodError(
             "determinism",

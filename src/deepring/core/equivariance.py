@@ -17,14 +17,14 @@ class EquivarianceError(AssertionError):
         self.error = error
 
 
-def relative_error(actual: Shaped[Tensor, "*#n"], expected: Shaped[Tensor, "*#n"]) -> float:
-    """‖actual - expected‖ / ‖expected‖ over all elements, real or complex.
+def relative_error(actual: Shaped[Tensor, "*#n"], reference: Shaped[Tensor, "*#n"]) -> float:
+    """‖actual - reference‖ / ‖reference‖ over all elements, real or complex.
 
     >>> relative_error(torch.tensor([3.0, 0.0]), torch.tensor([2.0, 0.0]))
     0.5
     """
-    difference = torch.linalg.vector_norm((actual - expected).abs().double())
-    return float(difference / torch.linalg.vector_norm(expected.abs().double()).clamp_min(1e-30))
+    difference = torch.linalg.vector_norm((actual - reference).abs().double())
+    return float(difference / torch.linalg.vector_norm(reference.abs().double()).clamp_min(1e-30))
 
 
 def assert_equivariant(
