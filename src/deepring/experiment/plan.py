@@ -16,9 +16,9 @@ from deepring.errors import ConfigError, DeepringError
 from deepring.experiment import build
 from deepring.experiment.config import Config, EvaluationSettings
 from deepring.experiment.record import record_of
-from deepring.methods.base import Method
-from deepring.methods.checkpoint import load_network
+from deepring.methods.method import Method
 from deepring.methods.network import NetworkMethod, class_path
+from deepring.methods.network_file import load_network
 from deepring.rasters import Preprocessing
 
 log = logging.getLogger(__name__)
@@ -154,7 +154,7 @@ def _say_settings(
     """
     if node is None or network.settings != build.network_settings(node):
         log.info("the network is as its checkpoint states: %s", network.settings.to_dict())
-    own = network.settings.raster["preprocessing"]
+    own = network.settings.to_dict()["raster"]["preprocessing"]
     others = Preprocessing(**preprocessing)
     if Preprocessing(**own) != others:
         log.warning(

@@ -6,7 +6,6 @@ from types import EllipsisType
 from typing import TYPE_CHECKING, Any
 
 from deepring.errors import DataError
-from deepring.io.typed import differing_names
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,7 +52,10 @@ def check_tensors(tensors: Mapping[str, "Array"], types: TensorTypes) -> dict[st
     named = {name: kind for name, kind in types.items() if kind is not None}
     alone = {name: value for name, value in tensors.items() if not _in_group(name, groups, named)}
     optional = {name for name, kind in named.items() if kind.optional}
-    if problems := differing_names(alone, set(named), optional):
+    missing, unknown = sorted(set(named) - optional - set(alone)), sorted(set(alone) - set(named))
+    problems = [f"lacks {', '.join(missing)}"] if missing else []
+    problems += [f"has an unknown {', '.join(unknown)}"] if unknown else []
+    if problems:
         expected = ", ".join(types)
         raise DataError(f"tensors: {' and '.join(problems)}; expected {expected}")
     sizes: dict[str, int] = {}
