@@ -32,7 +32,7 @@ from deepring.localization.calibration import (
 )
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.map import Map
-from deepring.methods.checkpoint import load_network
+from deepring.methods.network_file import load_network
 
 CONF = Path(__file__).parents[1] / "conf" / "data"
 

@@ -31,8 +31,8 @@ from deepring.localization.calibration import (
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.loops import LOOP_THRESHOLDS, LoopGraph, LoopSettings, find_loops
 from deepring.localization.map import Map
-from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing
+from deepring.methods.network_file import load_network
 
 NEAR = 10.0
 RIGHT, BESIDE = Tolerance(2.0, 5.0, NEAR), Tolerance(4.0, 5.0, NEAR)

@@ -9,9 +9,9 @@ import torch
 from torch import nn
 
 from deepring.core.similarity import negative_distance
-from deepring.methods.base import Comparison
-from deepring.methods.checkpoint import load_network
+from deepring.methods.method import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
+from deepring.methods.network_file import load_network
 from deepring.methods.registry import registered_methods
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from deepring.localization.loops import LoopSettings as LoopSettings
     from deepring.localization.loops import find_loops as find_loops
     from deepring.localization.map import Map as Map
-    from deepring.methods.checkpoint import load_network as load_network
     from deepring.methods.deepring import DeepRing as DeepRing
+    from deepring.methods.network_file import load_network as load_network
     from deepring.methods.ring import Ring as Ring
     from deepring.methods.ring_plus_plus import RingPlusPlus as RingPlusPlus
     from deepring.methods.scan_context import ScanContext as ScanContext
@@ -55,7 +55,7 @@ _MODULES = {
     "circular_cross_correlation": "deepring.core.correlation",
     "evaluate_method": "deepring.evaluation.protocol",
     "find_loops": "deepring.localization.loops",
-    "load_network": "deepring.methods.checkpoint",
+    "load_network": "deepring.methods.network_file",
     "open_session": "deepring.data.readers",
     "radon": "deepring.core.radon",
     "row_dft_magnitude": "deepring.core.spectrum",

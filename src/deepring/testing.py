@@ -18,7 +18,7 @@ from torch import Tensor
 
 from deepring.core.rigid import turn_points
 from deepring.evaluation.fingerprint import fingerprint, first_difference
-from deepring.methods.base import Method, index_of, rebuild_method
+from deepring.methods.method import Method, index_of, rebuild_method
 from deepring.methods.network import NetworkMethod
 from deepring.methods.network_file import TrainedNetwork, read_network, write_network
 

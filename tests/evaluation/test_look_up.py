@@ -5,9 +5,9 @@ import torch
 
 from deepring.errors import DeepringError
 from deepring.evaluation.look_up import fill_index, look_up
-from deepring.methods.base import Comparison
 from deepring.methods.deepring import DeepRing
 from deepring.methods.disco import Disco, DiscoSettings
+from deepring.methods.method import Comparison
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
 from deepring.rasters import BevRaster, ContextRaster, HeightRaster, raster_settings

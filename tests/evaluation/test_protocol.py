@@ -18,8 +18,7 @@ from deepring.evaluation.descriptors import read_descriptors
 from deepring.evaluation.matches import COLUMNS
 from deepring.evaluation.protocol import evaluate_method
 from deepring.evaluation.task import RetrievalTask, rows_of
-from deepring.methods.base import Comparison, Method
-from deepring.methods.describe import describe_all
+from deepring.methods.method import Comparison, Method, describe_all
 from deepring.rasters import BevRaster
 
 RASTER = BevRaster(cells=8)

@@ -22,8 +22,8 @@ from deepring.evaluation.scoring import (
     score_pair,
 )
 from deepring.methods import registry
-from deepring.methods.base import Comparison, rebuild_method
 from deepring.methods.deepring import DeepRing
+from deepring.methods.method import Comparison, rebuild_method
 from deepring.methods.network import NetworkMethod
 from deepring.methods.registry import register_method, registered_methods
 from deepring.methods.ring import Ring

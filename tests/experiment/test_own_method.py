@@ -12,7 +12,7 @@ from deepring.errors import FileError
 from deepring.experiment.config import check_config
 from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.train import train
-from deepring.methods.checkpoint import load_network
+from deepring.methods.network_file import load_network
 from helpers.small_training import TINY_DATA
 
 PAGE = Path(__file__).parents[2] / "docs" / "comparison.md"

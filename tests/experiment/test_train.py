@@ -14,7 +14,7 @@ from deepring.experiment.config_groups import config_folder
 from deepring.experiment.evaluate import evaluate
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.train import train
-from deepring.methods.checkpoint import load_network
+from deepring.methods.network_file import load_network
 from helpers.small_training import SMALL, TINY_DATA
 
 EXPERIMENTS = sorted(path.stem for path in (config_folder() / "experiment").glob("*.yaml"))

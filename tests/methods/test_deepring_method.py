@@ -8,8 +8,8 @@ import torch
 
 from deepring.core.equivariance import relative_error
 from deepring.errors import DeepringError
-from deepring.methods.base import Method
 from deepring.methods.deepring import NORMALISATIONS, DeepRing, DeepRingSettings
+from deepring.methods.method import Method
 from deepring.nn.aggregation import AGGREGATIONS
 from deepring.rasters import BevRaster, HeightRaster, PolarRaster, RangeRaster, raster_settings
 from deepring.rasters.bev import disc_mask

@@ -10,8 +10,8 @@ from deepring.core.equivariance import assert_invariant
 from deepring.core.phase import central_magnitude
 from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
-from deepring.methods.base import Method
 from deepring.methods.disco import Disco, DiscoSettings
+from deepring.methods.method import Method
 from deepring.rasters import HeightRaster, PolarRaster, Preprocessing, raster_settings
 from helpers.scenes import scattered
 

@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from deepring.errors import DeepringError
-from deepring.methods.base import Method
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
+from deepring.methods.method import Method
 from deepring.rasters import PointsRaster, Preprocessing, VoxelRaster, raster_settings
 from deepring.rasters.voxels import PADDING
 from helpers.scenes import scattered

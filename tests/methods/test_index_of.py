@@ -3,9 +3,9 @@
 import pytest
 import torch
 
-from deepring.methods.base import Comparison, index_of
 from deepring.methods.deepring import DeepRing
 from deepring.methods.disco import Disco, DiscoSettings
+from deepring.methods.method import Comparison, index_of
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
 from deepring.methods.scan_context import ContextIndex, ScanContext

@@ -5,10 +5,10 @@ import torch
 from safetensors.torch import save_file
 
 from deepring.errors import FileError
-from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import (
     TrainedNetwork,
+    load_network,
     read_network,
     shipped_network,
     write_network,

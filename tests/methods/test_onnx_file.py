@@ -11,9 +11,9 @@ import torch
 from deepring.errors import DeepringError
 from deepring.methods.deepring import DeepRing
 from deepring.methods.deepring.real_form import RealDeepRing
+from deepring.methods.network_file import make_network
 from deepring.methods.onnx_file import export_onnx
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
-from deepring.methods.portable import make_network
 from deepring.rasters import BevRaster, PointsRaster, PolarRaster, raster_settings
 from helpers.networks import deepring_settings
 

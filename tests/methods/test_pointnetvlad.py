@@ -8,7 +8,7 @@ import torch
 
 from deepring.core.equivariance import relative_error
 from deepring.errors import DeepringError
-from deepring.methods.base import Method
+from deepring.methods.method import Method
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.rasters import BevRaster, PointsRaster, make_raster, raster_settings
 from helpers.scenes import scattered

@@ -10,12 +10,17 @@ import torch
 
 from deepring.errors import ConfigError, DeepringError
 from deepring.methods import registry
-from deepring.methods.base import Method
-from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing
+from deepring.methods.method import Method
 from deepring.methods.network import network_class
-from deepring.methods.network_file import TrainedNetwork, write_network
-from deepring.methods.portable import describe_network, make_network, weights_of
+from deepring.methods.network_file import (
+    TrainedNetwork,
+    describe_network,
+    load_network,
+    make_network,
+    weights_of,
+    write_network,
+)
 from deepring.methods.registry import (
     method_class,
     method_name,
@@ -142,7 +147,7 @@ def test_loading_a_network_needs_no_lightning(tmp_path):
     checkpoint = write_checkpoint(tmp_path, deepring())
     code = (
         "import sys\n"
-        "from deepring.methods.checkpoint import load_network\n"
+        "from deepring.methods.network_file import load_network\n"
         f"load_network('shipped'), load_network({str(checkpoint)!r})\n"
         "heavy = ('lightning', 'torchmetrics', 'hydra', 'matplotlib', 'omegaconf')\n"
         "print([name for name in heavy if name in sys.modules])\n"

@@ -9,7 +9,7 @@ import torch
 from deepring.core.radon import radon
 from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
-from deepring.methods.base import Method
+from deepring.methods.method import Method
 from deepring.methods.ring import Ring
 from deepring.rasters import BevRaster
 from deepring.rasters.bev import bev_occupancy

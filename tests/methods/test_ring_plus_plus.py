@@ -11,7 +11,7 @@ from deepring.core.radon import radon
 from deepring.core.rigid import turn_points
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
 from deepring.errors import DeepringError
-from deepring.methods.base import Method
+from deepring.methods.method import Method
 from deepring.methods.ring_plus_plus import RingPlusPlus
 from deepring.rasters import BevRaster, FeatureBevRaster, Preprocessing
 from helpers.scenes import scattered

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from deepring.core.rigid import turn_points
 from deepring.errors import DeepringError
-from deepring.methods.base import Method
+from deepring.methods.method import Method
 from deepring.methods.scan_context import ScanContext
 from deepring.rasters import ContextRaster
 from helpers.scenes import scattered

@@ -9,8 +9,8 @@ import torch
 
 from deepring.data.packed_rasters import Rasters, pack
 from deepring.errors import ConfigError, DeepringError
-from deepring.methods.checkpoint import load_network
 from deepring.methods.deepring import DeepRing
+from deepring.methods.network_file import load_network
 from deepring.rasters import BevRaster, raster_settings
 from deepring.training.batch_order import BatchOrder
 from deepring.training.callbacks import BetweenEpochs

@@ -21,15 +21,14 @@ def export_command(args: argparse.Namespace) -> None:
 
 
 def _export_weights(args: argparse.Namespace) -> None:
-    from deepring.methods.checkpoint import load_network
-    from deepring.methods.network_file import write_network
+    from deepring.methods.network_file import load_network, write_network
 
     write_network(args.output, load_network(args.checkpoint, args.method))
     console.print(f"written      {args.output}", markup=False)
 
 
 def _export_onnx(args: argparse.Namespace) -> None:
-    from deepring.methods.checkpoint import load_network
+    from deepring.methods.network_file import load_network
     from deepring.methods.onnx_file import export_onnx
 
     network = load_network(args.checkpoint, args.method).method

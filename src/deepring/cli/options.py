@@ -84,8 +84,8 @@ def open_drive(args: argparse.Namespace) -> "tuple[Session, float]":
 
 def network_of(checkpoint: str) -> "DeepRing":
     """The network of a checkpoint. Raises DataError if it is of another method than DeepRING."""
-    from deepring.methods.checkpoint import load_network
     from deepring.methods.deepring import DeepRing
+    from deepring.methods.network_file import load_network
 
     network = load_network(checkpoint).method
     if not isinstance(network, DeepRing):

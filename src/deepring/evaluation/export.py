@@ -14,7 +14,7 @@ from deepring.evaluation.descriptors import (
     write_descriptors,
 )
 from deepring.evaluation.fingerprint import fingerprint
-from deepring.methods.base import Method
+from deepring.methods.method import Method
 
 
 class Export:

@@ -12,8 +12,8 @@ from torch import Tensor, nn
 
 from deepring.data.cache import RASTER_VERSION
 from deepring.errors import DataError
-from deepring.methods.base import Method
-from deepring.methods.plain_values import plain
+from deepring.io.typed import plain
+from deepring.methods.method import Method
 from deepring.methods.registry import method_name
 from deepring.rasters import RASTERS, raster_settings
 
@@ -25,7 +25,7 @@ def fingerprint(method: Method) -> dict[str, Any]:
     ``settings`` and a SHA-256 over its weights; for another method also its public attributes,
     with a SHA-256 in place of each array. Attributes with a leading underscore do not count. A
     network on the device 'meta' has no weights, and its fingerprint has none.
-    `deepring.methods.base.rebuild_method` rebuilds a method from it.
+    `deepring.methods.method.rebuild_method` rebuilds a method from it.
 
     Raises:
         DataError: a raster that is not in `RASTERS`, a network without settings, or an attribute

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from deepring.errors import DataError
-from deepring.methods.base import Method, index_of
+from deepring.methods.method import Method, index_of
 from deepring.search.correlation_index import SearchSettings
 from deepring.search.hits import Hits, Index
 

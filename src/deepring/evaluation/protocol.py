@@ -21,8 +21,7 @@ from deepring.evaluation.look_up import BEST, fill_index, look_up
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.results import Result
 from deepring.evaluation.task import RetrievalTask
-from deepring.methods.base import Method
-from deepring.methods.describe import describe_batches
+from deepring.methods.method import Method, describe_batches
 from deepring.progress import Progress
 
 #: Scans described and queries looked up at a time.

@@ -16,7 +16,7 @@ from deepring.evaluation.fingerprint import fingerprint, first_difference
 from deepring.evaluation.look_up import fill_index, look_up
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.protocol import BATCH, RADII, Outcome, check_answerable
-from deepring.methods.base import Method, rebuild_method
+from deepring.methods.method import Method, rebuild_method
 from deepring.progress import Progress
 
 #: The folder of a run that holds its descriptors.

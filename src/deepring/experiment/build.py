@@ -4,7 +4,7 @@ import inspect
 import json
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast, get_type_hints
@@ -20,9 +20,9 @@ from deepring.data.cache import RasterCache
 from deepring.data.dataset import DatasetConfig, PlaceDataset
 from deepring.errors import ConfigError, DeepringError
 from deepring.experiment.config import Config
-from deepring.methods.base import Method
+from deepring.io.typed import typed, typed_values
+from deepring.methods.method import Method
 from deepring.methods.network import NetworkMethod, PlainSettings
-from deepring.methods.settings import read_values
 from deepring.rasters import Raster, make_raster, raster_settings
 from deepring.training.callbacks import BetweenEpochs, EpochLines
 from deepring.training.datamodule import PlaceDataModule
@@ -110,7 +110,7 @@ def method(node: Mapping[str, Any] | None, key: str = "method") -> Method:
     hints = get_type_hints(cls.__init__)
     names = [name for name in inspect.signature(cls).parameters if name != "raster"]
     raster = {"raster": make_raster(values.pop("raster"))} if "raster" in values else {}
-    arguments = read_values(key, values, {name: hints.get(name, Any) for name in names})
+    arguments = typed_values({name: hints.get(name, Any) for name in names}, values, key)
     return cast("Method", cls(**raster, **arguments))
 
 
@@ -150,10 +150,8 @@ def scheme(node: Mapping[str, Any] | None) -> TrainingScheme:
         raise ConfigError(
             f"sampling._target_: {node['_target_']}, expected a subclass of TrainingScheme"
         )
-    hints = get_type_hints(kind)
     values = {key: value for key, value in node.items() if key != "_target_"}
-    types = {field.name: hints[field.name] for field in fields(cast("Any", kind))}
-    return kind(**read_values("sampling", values, types))
+    return cast("TrainingScheme", typed(kind, values, "sampling"))
 
 
 def datamodule(cfg: Config, datasets: list[PlaceDataset], raster: Raster) -> PlaceDataModule:

@@ -19,8 +19,7 @@ from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.pictures import evaluation_figures
 from deepring.experiment.plan import Plan
 from deepring.localization.candidates import Rerank, RerankSettings
-from deepring.methods.base import Method
-from deepring.methods.describe import describe_all
+from deepring.methods.method import Method, describe_all
 from deepring.progress import progress_bar
 from deepring.rasters import BevRaster, Raster
 from deepring.reports.results_table import markdown, markdown_radii

@@ -19,8 +19,8 @@ from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.metrics import Over
 from deepring.evaluation.protocol import Outcome
 from deepring.evaluation.task import rows_of
-from deepring.methods.base import Method
 from deepring.methods.deepring import DeepRing
+from deepring.methods.method import Method
 from deepring.methods.network import NetworkMethod
 from deepring.methods.ring import Ring
 from deepring.rasters import BevRaster

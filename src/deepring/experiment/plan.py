@@ -16,9 +16,9 @@ from deepring.errors import ConfigError, DeepringError
 from deepring.experiment import build
 from deepring.experiment.config import Config, EvaluationSettings
 from deepring.experiment.record import record_of
-from deepring.methods.base import Method
-from deepring.methods.checkpoint import load_network
+from deepring.methods.method import Method
 from deepring.methods.network import NetworkMethod, class_path
+from deepring.methods.network_file import load_network
 from deepring.rasters import Preprocessing
 
 log = logging.getLogger(__name__)
@@ -158,7 +158,7 @@ def _log_settings(
     """
     if node is None or network.settings != build.network_settings(node):
         log.info("the network is as its checkpoint states: %s", network.settings.to_dict())
-    of_network = network.settings.raster["preprocessing"]
+    of_network = network.settings.to_dict()["raster"]["preprocessing"]
     of_config = Preprocessing(**preprocessing)
     if Preprocessing(**of_network) != of_config:
         log.warning(

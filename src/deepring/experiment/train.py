@@ -25,8 +25,8 @@ from deepring.experiment.run_folder import (
     open_run_folder,
 )
 from deepring.experiment.status import Status, write_status
-from deepring.methods.checkpoint import load_network
 from deepring.methods.network import NetworkMethod
+from deepring.methods.network_file import load_network
 from deepring.paper.flat import flatten
 from deepring.training.datamodule import PlaceDataModule
 from deepring.training.module import PlaceModule

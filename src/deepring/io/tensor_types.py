@@ -6,7 +6,6 @@ from types import EllipsisType
 from typing import TYPE_CHECKING, Any
 
 from deepring.errors import DataError
-from deepring.io.typed import differing_names
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -52,7 +51,11 @@ def check_tensors(tensors: Mapping[str, "Array"], types: TensorTypes) -> dict[st
     kinds = {name: kind for name, kind in types.items() if kind is not None}
     single = {name: value for name, value in tensors.items() if not _in_group(name, groups, kinds)}
     optional = {name for name, kind in kinds.items() if kind.optional}
-    if problems := differing_names(single, set(kinds), optional):
+    missing = sorted(set(kinds) - optional - set(single))
+    unknown = sorted(set(single) - set(kinds))
+    problems = [f"lacks {', '.join(missing)}"] if missing else []
+    problems += [f"has an unknown {', '.join(unknown)}"] if unknown else []
+    if problems:
         raise DataError(f"tensors: {' and '.join(problems)}; expected {', '.join(types)}")
     sizes: dict[str, int] = {}
     for name, kind in kinds.items():

@@ -1,8 +1,8 @@
-"""Checks plain values from JSON against types, and builds dataclasses from them."""
+"""Plain values, as JSON and configs give them, checked against types and made into dataclasses."""
 
 import sys
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -12,22 +12,26 @@ from deepring.errors import ConfigError
 _PLAIN = {
     bool: "true or false",
     int: "a whole number",
+    float: "a number",
     str: "text",
+    NoneType: "null",
 }
 
 
 def typed(kind: Any, value: Any, name: str) -> Any:
-    """The value, converted to ``kind``.
+    """The value as ``kind`` has it: sequences are tuples or lists, whole numbers floats.
 
     Args:
-        kind: bool, int, float, str, a ``Literal``, ``list[...]``, ``tuple[...]``,
-            ``dict[str, ...]``, ``... | None``, ``Any``, or a dataclass of such fields, whose
-            value is a mapping of exactly its fields' names.
-        value: plain value; sequences are lists.
-        name: name of the value, for messages.
+        kind: bool, int, float, str, a ``Literal``, ``Sequence[...]`` (which becomes a tuple),
+            ``list[...]``, ``tuple[...]``, ``dict[str, ...]``, several of them, ``Any``, or a
+            dataclass, whose value is a mapping of its fields' names, those without a default at
+            least. Any other class takes its objects.
+        value: plain; sequences are lists or tuples. A dataclass of this kind stays.
+        name: of the value, for messages.
 
     Raises:
-        ConfigError: a value of another type, or one that a dataclass rejects.
+        ConfigError: a value of another type, and what a dataclass refuses. The message names a
+            value within another as ``name.key`` or ``name[index]``.
 
     >>> typed(tuple[int, int] | None, [60, 31], "shape")
     (60, 31)
@@ -38,34 +42,65 @@ def typed(kind: Any, value: Any, name: str) -> Any:
     if kind is Any:
         return value
     if is_dataclass(kind):
-        return _dataclass(kind, value, name)
+        return value if isinstance(value, kind) else _dataclass(kind, value, name)  # type: ignore[arg-type]
     origin, inner = get_origin(kind), get_args(kind)
     if origin is Literal:
         return one_of(name, value, kind)
     if origin in (Union, UnionType):
-        if value is None and NoneType in inner:
-            return None
-        (kind,) = (each for each in inner if each is not NoneType)
-        return typed(kind, value, name)
-    if origin is dict:
-        _expect(isinstance(value, dict), name, value, "an object of named values")
-        return {key: typed(inner[1], each, f"{name}.{key}") for key, each in value.items()}
-    if origin is list or (origin is tuple and inner[-1] is ...):
-        _expect(isinstance(value, list), name, value, "a list")
-        return origin(typed(inner[0], each, f"{name}[{k}]") for k, each in enumerate(value))
-    if origin is tuple:
-        _expect(
-            isinstance(value, list) and len(value) == len(inner),
-            name,
-            value,
-            f"a list of {len(inner)}",
-        )
-        both = zip(inner, value, strict=True)
-        return tuple(typed(one, each, f"{name}[{k}]") for k, (one, each) in enumerate(both))
+        return _one_of_several(inner, value, name)
+    if origin is dict or kind is dict:
+        _expect(isinstance(value, dict), name, value, "values by name")
+        each_kind = inner[1] if inner else Any
+        return {key: typed(each_kind, each, f"{name}.{key}") for key, each in value.items()}
+    if origin in (list, tuple, Sequence):
+        return _sequence(origin, inner, value, name)
     if kind is float:
         return _float(name, value)
-    _expect(type(value) is kind, name, value, _PLAIN[kind])
+    if kind in _PLAIN:
+        _expect(type(value) is kind, name, value, _PLAIN[kind])
+    elif isinstance(kind, type):
+        _expect(isinstance(value, kind), name, value, f"a {kind.__name__}")
     return value
+
+
+def typed_values(
+    hints: Mapping[str, Any], values: Any, name: str, required: Sequence[str] = ()
+) -> dict[str, Any]:
+    """The values by name, each as its type hint has it.
+
+    Raises ConfigError for a name without a hint, a required one that is missing, and as `typed`.
+
+    >>> typed_values({"stem": int, "norm": str}, {"stem": 2}, "encoder")
+    {'stem': 2}
+    >>> typed_values({"stem": int, "norm": str}, {"steam": 2}, "encoder")
+    Traceback (most recent call last):
+    deepring.errors.ConfigError: encoder.steam: unknown, expected one of stem, norm
+    """
+    known = ", ".join(hints)
+    _expect(isinstance(values, Mapping), name, values, f"values by name: {known}")
+    for key in values:
+        if key not in hints:
+            raise ConfigError(f"{name}.{key}: unknown, expected one of {known}")
+    if missing := [key for key in required if key not in values]:
+        raise ConfigError(f"{name}: lacks {', '.join(missing)}; expected {known}")
+    return {key: typed(hints[key], value, f"{name}.{key}") for key, value in values.items()}
+
+
+def plain(
+    value: Any, leaf: Callable[[str, Any], Any] = lambda _, value: value, where: str = ""
+) -> Any:
+    """Nested dicts and sequences as dicts and lists.
+
+    Args:
+        value: of any type.
+        leaf: what becomes of anything else, by its dotted key and value; it stays by default.
+        where: the dotted key of ``value``.
+    """
+    if isinstance(value, dict):
+        return {key: plain(item, leaf, f"{where}.{key}") for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item, leaf, where) for item in value]
+    return leaf(where, value)
 
 
 def field_values(value: Any) -> dict[str, Any]:
@@ -76,21 +111,36 @@ def field_values(value: Any) -> dict[str, Any]:
     return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
-def differing_names(values: Mapping[str, Any], names: set[str], optional: set[str]) -> list[str]:
-    """Descriptions of the names that are missing from ``values``, and of the unknown ones."""
-    missing = sorted(names - optional - set(values))
-    unknown = sorted(set(values) - names)
-    problems = [f"lacks {', '.join(missing)}"] if missing else []
-    return problems + ([f"has an unknown {', '.join(unknown)}"] if unknown else [])
-
-
 def _dataclass(kind: Any, value: Any, name: str) -> Any:
-    _expect(isinstance(value, dict), name, value, "an object of named values")
-    names = {field.name for field in fields(kind)}
-    if problems := differing_names(value, names, set()):
-        raise ConfigError(f"{name}: {' and '.join(problems)}; expected {', '.join(sorted(names))}")
-    hints = get_type_hints(kind)
-    return kind(**{key: typed(hints[key], value[key], f"{name}.{key}") for key in names})
+    hints, taken = get_type_hints(kind), [field for field in fields(kind) if field.init]
+    required = [f.name for f in taken if f.default is f.default_factory is MISSING]
+    return kind(**typed_values({f.name: hints[f.name] for f in taken}, value, name, required))
+
+
+def _one_of_several(kinds: Sequence[Any], value: Any, name: str) -> Any:
+    """The value as the first kind has it that takes it."""
+    if value is None and NoneType in kinds:
+        return None
+    complex_kinds = [kind for kind in kinds if kind not in _PLAIN]
+    if len(kinds) == 1 + (NoneType in kinds) and complex_kinds:
+        return typed(complex_kinds[0], value, name)  # its message names what is wrong within
+    for kind in kinds:
+        try:
+            return typed(kind, value, name)
+        except ConfigError:
+            continue
+    words = (_PLAIN.get(kind) or str(getattr(kind, "__name__", kind)) for kind in kinds)
+    return _expect(False, name, value, " or ".join(words))
+
+
+def _sequence(origin: Any, inner: Sequence[Any], value: Any, name: str) -> Any:
+    of_length = None if origin is not tuple or inner[-1] is ... else len(inner)
+    right = isinstance(value, list | tuple) and of_length in (None, len(value))
+    _expect(right, name, value, "a list" if of_length is None else f"a list of {of_length}")
+    kinds = [inner[0]] * len(value) if of_length is None else inner
+    both = enumerate(zip(kinds, value, strict=True))
+    made = [typed(kind, each, f"{name}[{k}]") for k, (kind, each) in both]
+    return made if origin is list else tuple(made)
 
 
 def _float(name: str, value: Any) -> float:

@@ -21,7 +21,7 @@ from deepring.localization.map_file import FORMAT, MapHeader, prefixed, under
 from deepring.localization.place_store import PlaceStore
 from deepring.localization.scan_points import expect_scan
 from deepring.methods.deepring import DeepRing
-from deepring.methods.portable import describe_network, make_network, weights_of
+from deepring.methods.network_file import describe_network, make_network, weights_of
 from deepring.progress import Progress
 from deepring.rasters import BevRaster
 from deepring.search.block_store import axis_of

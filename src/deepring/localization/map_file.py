@@ -19,7 +19,7 @@ class MapHeader:
     """The plain values of a map."""
 
     network: dict[str, Any]
-    """The network, as `deepring.methods.portable.describe_network` describes it."""
+    """The network, as `deepring.methods.network_file.describe_network` describes it."""
     ground_z: float
     search: SearchSettings
     rerank: RerankSettings

@@ -1,7 +1,9 @@
 """What learned methods share: settings that travel in checkpoints, descriptions of scans."""
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Self
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, ClassVar, Self, cast
 
 import torch
 from jaxtyping import Float, Shaped
@@ -9,34 +11,57 @@ from torch import Tensor, nn
 
 from deepring.checks import of_type
 from deepring.errors import ConfigError
+from deepring.io.typed import plain, typed
 from deepring.methods import registry
-from deepring.methods.base import Comparison
-from deepring.methods.settings import SettingsGroup
+from deepring.methods.method import Comparison
 from deepring.rasters import Raster, make_raster
 
 
-class PlainSettings(SettingsGroup):
-    """Base of the frozen dataclasses that make a network: a raster's settings, and more.
+class PlainSettings:
+    """Base of the frozen dataclasses that make a network, and of the groups within them.
 
-    They are plain values, which travel in checkpoints and are the method's node in a config.
+    They are plain values, which travel in checkpoints and are the method's node in a config: those
+    of a whole method have a ``raster``, a dict of its settings. Sequences become tuples, those
+    within dicts lists, so that equal settings compare equal wherever they come from.
     """
 
-    label: ClassVar[str]
+    label: ClassVar[str] = ""
     """The method's name, for messages."""
 
-    raster: dict[str, Any]
+    def __post_init__(self) -> None:
+        for name, value in list(vars(self).items()):
+            if isinstance(value, list):
+                object.__setattr__(self, name, tuple(value))
+            elif isinstance(value, dict):
+                object.__setattr__(self, name, plain(value))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain dict of dicts, lists, strings and numbers, as `from_dict` takes it."""
+        values: dict[str, Any] = plain(asdict(cast("Any", self)))
+        return values
 
     @classmethod
-    def title(cls) -> str:
-        """'DeepRING settings', and so on."""
-        return f"{cls.label} settings"
+    def from_dict(cls, values: Mapping[str, Any], key: str | None = None) -> Self:
+        """The settings of plain values; what is left out takes its default.
+
+        Args:
+            values: by name; those of a group are a dict.
+            key: what the settings are called in messages, such as the config's 'method';
+                'DeepRING settings', and so on, by default.
+
+        Raises:
+            ConfigError: a name that is no setting, or a value of another type. The message names
+                it as ``key.name``.
+        """
+        settings: Self = typed(cls, values, f"{cls.label} settings".strip() if key is None else key)
+        return settings
 
 
 class NetworkMethod(nn.Module, ABC):
     """A method that is a network: rasters (b, *raster.shape) in, descriptors out.
 
     Subclasses name their settings' class, are made of such settings, and define ``forward`` and
-    ``compare``; see `deepring.methods.base.Method`.
+    ``compare``; see `deepring.methods.method.Method`.
 
     Args:
         settings: everything that makes a descriptor but the weights.
@@ -48,7 +73,7 @@ class NetworkMethod(nn.Module, ABC):
     def __init__(self, settings: PlainSettings, kind: type[Raster] | None = None) -> None:
         super().__init__()
         self.settings = settings
-        self._raster = make_raster(settings.raster)
+        self._raster = make_raster(cast("Any", settings).raster)
         if kind is not None:
             of_type(f"{settings.label}: raster", self._raster, kind)
 

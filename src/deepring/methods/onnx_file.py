@@ -15,7 +15,7 @@ import torch
 from deepring.errors import ConfigError
 from deepring.io.files import replacing
 from deepring.methods.network import NetworkMethod
-from deepring.methods.portable import describe_network
+from deepring.methods.network_file import describe_network
 
 #: Of the operators used.
 OPSET = 18

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from deepring.core.similarity import negative_distance
-from deepring.methods.base import Comparison
+from deepring.methods.method import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.nn.netvlad import NetVlad
 from deepring.nn.pointnet import PointFeatures

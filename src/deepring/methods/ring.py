@@ -11,7 +11,7 @@ from deepring.checks import of_type, one_of
 from deepring.core.correlation import Form, circular_cross_correlation, shift_to_turn
 from deepring.core.radon import radon
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
-from deepring.methods.base import Comparison, FixedMethod
+from deepring.methods.method import Comparison, FixedMethod
 from deepring.rasters import BevRaster, Raster
 from deepring.search.compare_index import CompareIndex
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from deepring.checks import count, of_type
 from deepring.core.correlation import correlation_curves, shift_to_turn
-from deepring.methods.base import Comparison, FixedMethod
+from deepring.methods.method import Comparison, FixedMethod
 from deepring.rasters import ContextRaster
 from deepring.search.block_store import BlockStore
 from deepring.search.correlation_index import SearchSettings

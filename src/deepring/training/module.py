@@ -10,7 +10,7 @@ from torchmetrics import Metric
 
 from deepring.errors import ConfigError
 from deepring.evaluation.batched_metrics import PlaceAUC, RecallAtK
-from deepring.methods.describe import describe_all
+from deepring.methods.method import describe_all
 from deepring.methods.network import NetworkMethod
 from deepring.methods.registry import method_name
 from deepring.training.datamodule import RetrievalBatch

@@ -32,9 +32,8 @@ from deepring.core.correlation import (
 from deepring.core.radon import ThetaRange
 from deepring.core.similarity import cosine, negative_distance
 from deepring.errors import ConfigError
-from deepring.methods.base import Comparison
+from deepring.methods.method import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
-from deepring.methods.settings import SettingsGroup
 from deepring.nn.aggregation import AGGREGATIONS, ROTATION_INVARIANT, channels_for
 from deepring.nn.circular import TauPadding
 from deepring.nn.representation import make_representation
@@ -61,7 +60,7 @@ _PERIOD = {"full": 2 * math.pi, "half": math.pi}
 
 
 @dataclass(frozen=True)
-class RepresentationSettings(SettingsGroup):
+class RepresentationSettings(PlainSettings):
     """How the network sees the raster; see `deepring.nn.representation`."""
 
     angles: int | None = 120  # of the sinogram; None for the other rasters
@@ -71,7 +70,7 @@ class RepresentationSettings(SettingsGroup):
 
 
 @dataclass(frozen=True)
-class EncoderSettings(SettingsGroup):
+class EncoderSettings(PlainSettings):
     """See `deepring.nn.unet.CircularUNet`. The paper gives no widths; these are DiSCO's."""
 
     widths: Sequence[int] = (64, 128, 256, 512)
@@ -82,14 +81,14 @@ class EncoderSettings(SettingsGroup):
 
 
 @dataclass(frozen=True)
-class AggregationSettings(SettingsGroup):
+class AggregationSettings(PlainSettings):
     """One of `deepring.nn.aggregation.AGGREGATIONS`."""
 
     kind: str = "dft"
 
 
 @dataclass(frozen=True)
-class SimilaritySettings(SettingsGroup):
+class SimilaritySettings(PlainSettings):
     """What compares two descriptors, and how a descriptor is normalised before."""
 
     kind: str = "correlation"

@@ -13,8 +13,8 @@ from deepring.core.correlation import shift_to_turn
 from deepring.core.phase import central_magnitude, phase_correlation
 from deepring.core.similarity import negative_distance
 from deepring.errors import ConfigError
-from deepring.methods.base import Comparison
 from deepring.methods.disco.disco_unet import DiscoUNet, PolarPadding
+from deepring.methods.method import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.rasters import HeightRaster, raster_settings
 from deepring.search.correlation_index import SearchSettings

@@ -8,8 +8,8 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from deepring.core.similarity import negative_distance
-from deepring.methods.base import Comparison
 from deepring.methods.egonn.egonn_network import WIDTHS, EgoNN
+from deepring.methods.method import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.rasters import VoxelRaster, raster_settings
 from deepring.search.correlation_index import SearchSettings

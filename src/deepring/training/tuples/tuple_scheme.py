@@ -14,7 +14,7 @@ from torch import Tensor
 
 from deepring.checks import count
 from deepring.errors import ConfigError, DataError
-from deepring.methods.describe import describe_all
+from deepring.methods.method import describe_all
 from deepring.methods.network import NetworkMethod
 from deepring.training.scheme import Step, TrainingScheme, TrainingSet
 from deepring.training.training_scans import TrainingScans, check_radii, within

@@ -1,12 +1,15 @@
 """What a place-recognition method is: scans become descriptors, descriptors are compared."""
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple, Protocol, Self, cast, runtime_checkable
 
+import torch
 from jaxtyping import Float, Shaped
 from torch import Tensor
 
 from deepring.errors import FileError
 from deepring.methods.registry import method_class
+from deepring.progress import Progress
 from deepring.rasters import Raster, make_raster
 from deepring.search.compare_index import CompareIndex
 from deepring.search.correlation_index import SearchSettings
@@ -64,6 +67,42 @@ class FixedMethod:
     def from_fingerprint(cls, made_by: dict[str, Any]) -> Self:
         """The method that a `deepring.evaluation.fingerprint.fingerprint` is of."""
         return cls(make_raster(made_by["raster"]), **made_by["values"])  # type: ignore[call-arg]
+
+
+class Images(Protocol):
+    """A tensor, or `Rasters` that unpack what is asked for."""
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, rows: slice, /) -> Tensor: ...
+
+
+def describe_all(
+    method: Method,
+    images: Images,
+    batch: int = 64,
+    device: torch.device | None = None,
+    progress: Progress | None = None,
+) -> Float[Tensor, " n *descriptor"]:
+    """Descriptors (n, ...) of n images, ``batch`` in memory at a time, made on ``device``."""
+    return torch.cat(list(describe_batches(method, images, batch, device, progress)))
+
+
+def describe_batches(
+    method: Method,
+    images: Images,
+    batch: int = 64,
+    device: torch.device | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Tensor]:
+    """`describe_all` batch by batch, each made when it is asked for.
+
+    ``progress`` is called when the next batch is asked for, so that it counts the work on the one
+    before.
+    """
+    for k in range(0, len(images), batch):
+        yield method.describe(images[k : k + batch].to(device))
+        if progress is not None:
+            progress(min(k + batch, len(images)), len(images))
 
 
 def index_of(method: Method, settings: SearchSettings | None = None) -> Index:
