@@ -23,6 +23,15 @@ def test_the_signature_against_numpy():
     assert np.allclose(central_magnitude(feature, 6).numpy(), expected, atol=1e-5)
 
 
+def test_by_default_the_32_lowest_frequencies_of_either_axis_are_kept():
+    assert central_magnitude(maps(2, 40, 48)).shape == (2, 32 * 32)
+    wave = torch.cos(2 * torch.pi * 15 * torch.arange(40) / 40)[:, None].expand(40, 48)
+    kept = central_magnitude(wave)
+    assert kept.norm() == pytest.approx(wave.norm().item(), rel=1e-5)
+    faster = torch.cos(2 * torch.pi * 17 * torch.arange(40) / 40)[:, None].expand(40, 48)
+    assert central_magnitude(faster).norm() < 1e-3 * faster.norm()
+
+
 @pytest.mark.parametrize("axis", [-2, -1])
 def test_circular_shifts_of_the_map_leave_the_signature(axis):
     assert_invariant(

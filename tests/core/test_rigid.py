@@ -54,6 +54,7 @@ def test_a_pose_turns_points_and_then_moves_them(batch):
     rotation, translation = rng.random((*batch, 3, 3)), rng.random((*batch, 3))
     point = rng.random(3)
     pose = pose_from(rotation, translation)
+    assert pose.shape == (*batch, 4, 4)
     moved = pose @ np.append(point, 1.0)
     assert np.allclose(moved[..., :3], rotation @ point + translation)
     assert np.array_equal(moved[..., 3], np.ones(batch))
