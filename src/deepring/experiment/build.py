@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, cast, get_type_hints
+from typing import Any, cast, get_type_hints
 
 import lightning as L
 import torch
@@ -49,11 +49,8 @@ def make(node: Any, key: str, *args: Any, **kwargs: Any) -> Any:
         raise ConfigError(f"{key}: cannot be made of {node}: {reason}") from error
 
 
-class Datasets(NamedTuple):
-    """What is trained and tested on; one that is both is opened once."""
-
-    train: list[PlaceDataset]
-    test: list[PlaceDataset]
+Datasets = tuple[list[PlaceDataset], list[PlaceDataset]]
+"""What is trained on, and what is tested on; one that is both is opened once."""
 
 
 def datasets(cfg: Config) -> Datasets:
@@ -74,7 +71,7 @@ def datasets(cfg: Config) -> Datasets:
             for key, config in picked.items()
         ]
 
-    return Datasets(chosen("train_data", cfg.train_data), chosen("test_data", cfg.test_data))
+    return chosen("train_data", cfg.train_data), chosen("test_data", cfg.test_data)
 
 
 def class_of(node: Mapping[str, Any], key: str = "method") -> type[Any]:
