@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from deepring.cli.options import add_format, add_output, add_session
+from deepring.cli.options import add_format, add_metres, add_output, add_session
 from deepring.cli.parser import Parser, number, subcommands, whole
 
 
@@ -54,13 +54,7 @@ def add_case_study(parser: Parser) -> None:
         "--pairs", type=whole(1), default=64, help="of the error curves (%(default)s)"
     )
     parser.add_argument("--seed", type=whole(0), default=0, help="(%(default)s)")
-    parser.add_argument(
-        "--translation",
-        type=number(0, "metres"),
-        default=10.0,
-        metavar="M",
-        help="of the drawn pair (%(default)g)",
-    )
+    add_metres(parser, "--translation", 10.0, "of the drawn pair")
     parser.add_argument(
         "--rotation", type=number(unit="degrees"), metavar="DEG", help="of the drawn pair (random)"
     )

@@ -106,7 +106,7 @@ def method(node: Mapping[str, Any] | None, key: str = "method") -> Method:
     hints = get_type_hints(cls.__init__)
     names = [name for name in inspect.signature(cls).parameters if name != "raster"]
     raster = {"raster": make_raster(values.pop("raster"))} if "raster" in values else {}
-    arguments = typed_values({name: hints.get(name, Any) for name in names}, values, key)
+    arguments = typed_values({n: hints.get(n, Any) for n in names}, values, key, whole=False)
     return cast("Method", cls(**raster, **arguments))
 
 
@@ -147,7 +147,7 @@ def scheme(node: Mapping[str, Any] | None) -> TrainingScheme:
             f"sampling._target_: {node['_target_']}, expected a subclass of TrainingScheme"
         )
     values = {key: value for key, value in node.items() if key != "_target_"}
-    return cast("TrainingScheme", typed(kind, values, "sampling"))
+    return cast("TrainingScheme", typed(kind, values, "sampling", whole=False))
 
 
 def datamodule(cfg: Config, datasets: list[PlaceDataset], raster: Raster) -> PlaceDataModule:
