@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as hnp
 
 from deepring.errors import DeepringError
 from deepring.evaluation.case import Case
-from deepring.evaluation.counting import Seconds, count, precision_recall
+from deepring.evaluation.counting import count, precision_recall
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.metrics import (
     BEHIND,
@@ -49,7 +49,7 @@ def test_figures_are_those_of_the_whole_matrices_at_every_radius(made):
     answered = [r for r in RADII if (distances <= r).any()]
     for headline in answered:
         radii = [headline, *(r for r in RADII if r != headline)]
-        results = count(matches, radii, places, Seconds(0.5, 0.25))
+        results = count(matches, radii, places, 0.5, 0.25)
         assert [result.radius_m for result in results] == [r for r in radii if r in answered]
         for result in results:
             r = result.radius_m
@@ -98,7 +98,7 @@ def test_an_unanswerable_query_costs_precision_and_no_recall():
 def test_a_right_place_behind_the_best_ones_makes_a_query_answerable():
     distances = np.full((1, 7), 90, np.float32)
     distances[0, 5] = 3
-    (result,) = count(best_of(-distances * 0, distances), [10.0], 7, Seconds(0, 0))
+    (result,) = count(best_of(-distances * 0, distances), [10.0], 7, 0, 0)
     assert (result.answerable, result.recall_1, result.recall_5) == (1, 0, 0)
 
 
@@ -106,7 +106,7 @@ def test_places_that_were_not_kept_count_for_no_recall():
     """A method that retrieves a single place has the same Recall@5 as Recall@1."""
     distances = np.array([[90, 3], [2, 90]], np.float32)
     matches = best_of(np.array([[1, 0], [1, 0]], np.float32), distances, 1)
-    (result,) = count(matches, [10.0], 2, Seconds(0, 0))
+    (result,) = count(matches, [10.0], 2, 0, 0)
     assert (result.answerable, result.recall_1, result.recall_5) == (2, 0.5, 0.5)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from deepring.evaluation.counting import Seconds, count
+from deepring.evaluation.counting import count
 from deepring.evaluation.protocol import evaluate_method
 from deepring.evaluation.reranked import evaluate_reranked, planar_poses
 from deepring.evaluation.task import rows_of
@@ -85,7 +85,7 @@ def test_figures_are_counted_as_any_others_and_say_what_they_are_of(made):
         seconds = outcome.results[0].seconds_per_query
         assert seconds > first.seconds_per_query
         radii = [result.radius_m for result in alone.results]
-        again = count(outcome.matches, radii, PLACES, Seconds(first.seconds_per_scan, seconds))
+        again = count(outcome.matches, radii, PLACES, first.seconds_per_scan, seconds)
         assert outcome.results == again
         assert [r.answerable for r in again] == [r.answerable for r in alone.results]
 

@@ -103,7 +103,7 @@ def test_only_training_scans_reach_the_training(crossing, monkeypatch, tmp_path)
     monkeypatch.setattr(PlaceDataModule, "setup", spy)
     cfg = crossing()
     train(cfg, tmp_path / "run")
-    dataset = build.datasets(cfg).train[0]
+    dataset = build.datasets(cfg)[0][0]
     expected = np.concatenate([scans.positions for scans in dataset.training()])
     positions = points[0][:, :2] + dataset.database.positions[0]
     assert np.allclose(np.sort(positions, axis=0), np.sort(expected, axis=0))

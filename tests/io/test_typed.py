@@ -92,7 +92,7 @@ def test_any_other_value_is_taken_as_its_type_or_refused(name, value):
         ({"texts": "abc"}, r"header\.texts: 'abc', expected a list"),
         ({"inner": {"size": 0, "mode": "a"}}, "size: 0.0, expected a number above 0"),
         ({"inner": {"size": 1, "mode": "c"}}, r"header\.inner\.mode: 'c', expected one of a, b"),
-        ({"inner": {"mode": "a"}}, r"header\.inner: lacks size; expected size, mode"),
+        ({"inner": {"size": 1}}, r"header\.inner: lacks mode; expected size, mode"),
         (
             {"by_name": {"k": {"size": 1, "mode": "a", "x": 1}}},
             r"by_name\.k\.x: unknown, expected one of size, mode",

@@ -178,11 +178,11 @@ def refused(path, message):
     [
         ("ground_z", "low", r"header\.ground_z: 'low', expected a number"),
         ("ground_z", math.inf, "ground_z: inf"),
-        ("search", 3, r"header\.search: 3, expected an object"),
+        ("search", 3, r"header\.search: 3, expected values by name"),
         ("search.precision", "bfloat16", "expected bfloat16 values"),
         ("search.code", None, "codes: present but"),
         ("rerank.candidates", 0, r"rerank\.candidates: 0"),
-        ("rerank.alignment", {}, r"header\.rerank\.alignment: lacks blur"),
+        ("rerank.alignment", {}, r"header\.rerank\.alignment: lacks cells, .*blur"),
         ("thresholds", {"fit": 1.0}, r"header\.thresholds: lacks ratio"),
         ("shape", [60, 31.5], r"header\.shape\[1\]: 31\.5"),
         ("shape", [10, 31], "for descriptors of 10 x 31"),
@@ -190,7 +190,7 @@ def refused(path, message):
         ("names", ["a"], "places: 1 names"),
         ("names", [1], r"header\.names\[0\]: 1, expected text"),
         ("network", {"class": 1, "settings": []}, "network"),
-        ("more", 1, "unknown more"),
+        ("more", 1, r"header\.more: unknown"),
     ],
 )
 def test_values_that_no_map_has_are_refused(saved, name, value, message):

@@ -335,7 +335,7 @@ def test_shards_of_equal_shapes_cannot_change_places(tmp_path):
         ({"shape": None}, "shape: missing"),
         ({"shards": [{"rows": 5}]}, "lacks digest"),
         ({"settings": {}}, r"header\.settings: lacks"),
-        ({"lengths": [5]}, "unknown lengths"),
+        ({"lengths": [5]}, "header.lengths: unknown"),
     ],
 )
 def test_headers_that_no_index_has_are_refused(tmp_path, values, message):

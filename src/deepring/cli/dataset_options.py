@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from deepring.cli.options import add_format, add_output, add_session
+from deepring.cli.options import add_format, add_metres, add_output, add_session
 from deepring.cli.parser import Parser, number, subcommands, whole
 
 
@@ -59,13 +59,7 @@ def add_case_study(parser: Parser) -> None:
         help="pairs of scans in the error curves (%(default)s)",
     )
     parser.add_argument("--seed", type=whole(0), default=0, help="random seed (%(default)s)")
-    parser.add_argument(
-        "--translation",
-        type=number(0, "metres"),
-        default=10.0,
-        metavar="M",
-        help="metres between the pair in the figure (%(default)g)",
-    )
+    add_metres(parser, "--translation", 10.0, "metres between the pair in the figure")
     parser.add_argument(
         "--rotation",
         type=number(unit="degrees"),

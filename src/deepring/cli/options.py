@@ -68,6 +68,17 @@ def add_method(parser: Parser) -> None:
     )
 
 
+def add_metres(parser: Parser, flag: str, default: float, help: str) -> None:
+    """A length of at least 0 metres; the default stands behind ``help``."""
+    parser.add_argument(
+        flag,
+        type=number(0, "metres"),
+        default=default,
+        metavar="M",
+        help=f"{help} (%(default)g)",
+    )
+
+
 def add_output(parser: Parser, metavar: str, help: str, required: bool = True) -> None:
     """``-o``, the file or folder to write."""
     parser.add_argument("-o", "--output", type=Path, metavar=metavar, required=required, help=help)

@@ -6,6 +6,7 @@ from deepring.cli.options import (
     add_drive,
     add_ground,
     add_method,
+    add_metres,
     add_network,
     add_output,
     add_session,
@@ -39,13 +40,7 @@ def _add_build(parser: Parser) -> None:
     add_drive(parser)
     add_network(parser)
     add_output(parser, "MAP", "the new map")
-    parser.add_argument(
-        "--spacing",
-        type=number(0, "metres"),
-        default=10.0,
-        metavar="M",
-        help="metres between places (%(default)g)",
-    )
+    add_metres(parser, "--spacing", 10.0, "metres between places")
     parser.add_argument(
         "--precision",
         default="int8",
@@ -65,20 +60,8 @@ def _add_calibrate(parser: Parser) -> None:
         metavar="SHARE",
         help="required share of right locations among the trusted (%(default)g)",
     )
-    parser.add_argument(
-        "--within",
-        type=number(0, "metres"),
-        default=2.0,
-        metavar="M",
-        help="largest error of a right location, metres (%(default)g)",
-    )
-    parser.add_argument(
-        "--spacing",
-        type=number(0, "metres"),
-        default=5.0,
-        metavar="M",
-        help="metres between scans (%(default)g)",
-    )
+    add_metres(parser, "--within", 2.0, "largest error of a right location, metres")
+    add_metres(parser, "--spacing", 5.0, "metres between scans")
     parser.runs("deepring.cli.map_command:calibrate_map", metres="--within")
 
 
@@ -122,16 +105,8 @@ def add_loops(parser: Parser) -> None:
     add_drive(parser)
     add_network(parser)
     add_output(parser, "OUT", "path of the new files, without the ending")
-    lengths = {"type": number(0, "metres"), "metavar": "M"}
-    parser.add_argument(
-        "--spacing", default=2.0, help="metres between keyframes (%(default)g)", **lengths
-    )
-    parser.add_argument(
-        "--recent",
-        default=50.0,
-        help="shortest path of a loop, metres (%(default)g)",
-        **lengths,
-    )
+    add_metres(parser, "--spacing", 2.0, "metres between keyframes")
+    add_metres(parser, "--recent", 50.0, "shortest path of a loop, metres")
     parser.add_argument(
         "--fit", type=number(0), default=0.32, help="smallest fit that is trusted (%(default)g)"
     )

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -20,17 +19,8 @@ from deepring.evaluation.results import Result
 log = logging.getLogger(__name__)
 
 
-class Seconds(NamedTuple):
-    """Times that a method takes, in seconds."""
-
-    per_scan: float
-    """From points to descriptor."""
-    per_query: float
-    """To search the whole database."""
-
-
 def count(
-    matches: TopMatches, radii: Sequence[float], places: int, seconds: Seconds
+    matches: TopMatches, radii: Sequence[float], places: int, per_scan: float, per_query: float
 ) -> list[Result]:
     """One result per radius (metres), in the order of ``radii``.
 
@@ -41,7 +31,8 @@ def count(
         matches: the best five places per query, or all that were compared where these are fewer.
         radii: the headline first.
         places: number of places in the database.
-        seconds: repeated in each result.
+        per_scan: seconds from points to descriptor, repeated in each result.
+        per_query: seconds to search the whole database, likewise.
     """
     top = torch.from_numpy(matches.score[:, 0])
     results = []
@@ -61,8 +52,8 @@ def count(
             recall_5=float(recall_of_ranks(ranks, 5, radius)),
             f1_max=float(f1_along(precision, recall).amax()),
             auc=float(area_under(precision, recall)),
-            seconds_per_scan=seconds.per_scan,
-            seconds_per_query=seconds.per_query,
+            seconds_per_scan=per_scan,
+            seconds_per_query=per_query,
         )
         results.append(result)
     return results

@@ -14,7 +14,7 @@ from deepring import checks
 from deepring.data.scan_set import ScanSet
 from deepring.errors import ConfigError, DataError
 from deepring.evaluation.case import Case
-from deepring.evaluation.counting import Seconds, count
+from deepring.evaluation.counting import count
 from deepring.evaluation.distances import nearest_distances
 from deepring.evaluation.export import Export
 from deepring.evaluation.look_up import BEST, fill_index, look_up
@@ -101,7 +101,7 @@ def evaluate_method(
         writer.write()
     hits, per_query = look_up(index, queries, best)
     matches = TopMatches.of_hits(case, query, database, hits, nearest)
-    return Outcome(matches, count(matches, radii, len(database), Seconds(per_scan, per_query)))
+    return Outcome(matches, count(matches, radii, len(database), per_scan, per_query))
 
 
 def check_answerable(case: Case, nearest: NDArray[np.float32], radii: Sequence[float]) -> None:

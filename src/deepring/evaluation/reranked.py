@@ -3,14 +3,13 @@
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from deepring.data.scan_set import ScanSet
-from deepring.evaluation.counting import Seconds, count
+from deepring.evaluation.counting import count
 from deepring.evaluation.look_up import BEST
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.protocol import Outcome
@@ -28,13 +27,8 @@ NAMES: dict[Rerank, str] = {
 }
 
 
-class Order(NamedTuple):
-    """The places of one query in a new order."""
-
-    place: Tensor
-    """(k,) int64 rows of the database, best first."""
-    score: Tensor
-    """(k,) the fit of the best place, repeated for the others."""
+Order = tuple[Tensor, Tensor]
+"""Places of a query, rows (k,) int64 of the database, best first; the best one's fit k times."""
 
 
 def evaluate_reranked(
@@ -75,7 +69,6 @@ def evaluate_reranked(
             progress(q + 1, len(places))
     alone = outcome.results[0]
     per_query = alone.seconds_per_query + (time.perf_counter() - started) / len(places)
-    seconds = Seconds(alone.seconds_per_scan, per_query)
     radii = [result.radius_m for result in outcome.results]
 
     outcomes = []
@@ -85,7 +78,8 @@ def evaluate_reranked(
         ranking = TopMatches.of_hits(
             case, query, database, Hits(place, score, None), matches.nearest
         )
-        outcomes.append(Outcome(ranking, count(ranking, radii, len(database), seconds)))
+        results = count(ranking, radii, len(database), alone.seconds_per_scan, per_query)
+        outcomes.append(Outcome(ranking, results))
     return outcomes
 
 
@@ -98,7 +92,7 @@ def planar_poses(scans: ScanSet) -> Tensor:
 def _by_pose(places: Tensor, alignment: Alignment, settings: RerankSettings) -> Order:
     """The candidates, ordered by their distance from the query by the alignment."""
     order = by_pose(alignment, settings)
-    return Order(places[order], alignment.score[order[0]].expand(len(order)))
+    return places[order], alignment.score[order[0]].expand(len(order))
 
 
 def _by_location(
@@ -108,4 +102,4 @@ def _by_location(
     best = best_fit(alignment, poses[places], settings)
     away = torch.linalg.vector_norm(poses[:, :2] - best.position, dim=-1)
     order = away.argsort(stable=True)[:BEST]
-    return Order(order, torch.full((len(order),), best.fit))
+    return order, torch.full((len(order),), best.fit)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from deepring.errors import DataError, FileError
-from deepring.evaluation.counting import Seconds, count
+from deepring.evaluation.counting import count
 from deepring.evaluation.descriptors import ENDING, DescriptorSet, read_descriptors
 from deepring.evaluation.distances import nearest_distances
 from deepring.evaluation.fingerprint import fingerprint, first_difference
@@ -49,8 +49,8 @@ def score_descriptors(
     index = fill_index(method, _batches(database, device))
     hits, per_query = look_up(index, _batches(query, device, progress))
     matches = TopMatches.of_hits(query.case, query, database, hits, nearest)
-    seconds = Seconds(query.seconds_per_scan, per_query)
-    return Outcome(matches, count(matches, radii, len(database), seconds))
+    results = count(matches, radii, len(database), query.seconds_per_scan, per_query)
+    return Outcome(matches, results)
 
 
 @dataclass(frozen=True)

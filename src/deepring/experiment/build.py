@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, cast, get_type_hints
+from typing import Any, cast, get_type_hints
 
 import lightning as L
 import torch
@@ -49,11 +49,8 @@ def make(node: Any, key: str, *args: Any, **kwargs: Any) -> Any:
         raise ConfigError(f"{key}: {node} cannot be made ({reason})") from error
 
 
-class Datasets(NamedTuple):
-    """The datasets to train and to test on; one that is both is opened once."""
-
-    train: list[PlaceDataset]
-    test: list[PlaceDataset]
+Datasets = tuple[list[PlaceDataset], list[PlaceDataset]]
+"""What is trained on, and what is tested on; one that is both is opened once."""
 
 
 def datasets(cfg: Config) -> Datasets:
@@ -75,7 +72,7 @@ def datasets(cfg: Config) -> Datasets:
             for key, config in nodes.items()
         ]
 
-    return Datasets(open_all("train_data", cfg.train_data), open_all("test_data", cfg.test_data))
+    return open_all("train_data", cfg.train_data), open_all("test_data", cfg.test_data)
 
 
 def class_of(node: Mapping[str, Any], key: str = "method") -> type[Any]:
@@ -110,7 +107,7 @@ def method(node: Mapping[str, Any] | None, key: str = "method") -> Method:
     hints = get_type_hints(cls.__init__)
     names = [name for name in inspect.signature(cls).parameters if name != "raster"]
     raster = {"raster": make_raster(values.pop("raster"))} if "raster" in values else {}
-    arguments = typed_values({name: hints.get(name, Any) for name in names}, values, key)
+    arguments = typed_values({n: hints.get(n, Any) for n in names}, values, key, whole=False)
     return cast("Method", cls(**raster, **arguments))
 
 
@@ -151,7 +148,7 @@ def scheme(node: Mapping[str, Any] | None) -> TrainingScheme:
             f"sampling._target_: {node['_target_']}, expected a subclass of TrainingScheme"
         )
     values = {key: value for key, value in node.items() if key != "_target_"}
-    return cast("TrainingScheme", typed(kind, values, "sampling"))
+    return cast("TrainingScheme", typed(kind, values, "sampling", whole=False))
 
 
 def datamodule(cfg: Config, datasets: list[PlaceDataset], raster: Raster) -> PlaceDataModule:

@@ -18,16 +18,18 @@ _PLAIN = {
 }
 
 
-def typed(kind: Any, value: Any, name: str) -> Any:
+def typed(kind: Any, value: Any, name: str, *, whole: bool = True) -> Any:
     """The value as ``kind`` has it: sequences are tuples or lists, whole numbers floats.
 
     Args:
         kind: bool, int, float, str, a ``Literal``, ``Sequence[...]`` (which becomes a tuple),
             ``list[...]``, ``tuple[...]``, ``dict[str, ...]``, several of them, ``Any``, or a
-            dataclass, whose value is a mapping of its fields' names, those without a default at
-            least. Any other class takes its objects.
+            dataclass, whose value is a mapping of its fields' names. Any other class takes its
+            objects.
         value: plain; sequences are lists or tuples. A dataclass of this kind stays.
         name: of the value, for messages.
+        whole: all fields of a dataclass have to be stated, as in a file; otherwise those that are
+            left out take their defaults, as in a config.
 
     Raises:
         ConfigError: a value of another type, and what a dataclass refuses. The message names a
@@ -42,18 +44,18 @@ def typed(kind: Any, value: Any, name: str) -> Any:
     if kind is Any:
         return value
     if is_dataclass(kind):
-        return value if isinstance(value, kind) else _dataclass(kind, value, name)  # type: ignore[arg-type]
+        return value if isinstance(value, kind) else _dataclass(kind, value, name, whole)  # type: ignore[arg-type]
     origin, inner = get_origin(kind), get_args(kind)
     if origin is Literal:
         return one_of(name, value, kind)
     if origin in (Union, UnionType):
-        return _one_of_several(inner, value, name)
+        return _one_of_several(inner, value, name, whole)
     if origin is dict or kind is dict:
         _expect(isinstance(value, dict), name, value, "values by name")
         each_kind = inner[1] if inner else Any
-        return {key: typed(each_kind, each, f"{name}.{key}") for key, each in value.items()}
+        return typed_values(dict.fromkeys(value, each_kind), value, name, whole=whole)
     if origin in (list, tuple, Sequence):
-        return _sequence(origin, inner, value, name)
+        return _sequence(origin, inner, value, name, whole)
     if kind is float:
         return _float(name, value)
     if kind in _PLAIN:
@@ -64,7 +66,12 @@ def typed(kind: Any, value: Any, name: str) -> Any:
 
 
 def typed_values(
-    hints: Mapping[str, Any], values: Any, name: str, required: Sequence[str] = ()
+    hints: Mapping[str, Any],
+    values: Any,
+    name: str,
+    required: Sequence[str] = (),
+    *,
+    whole: bool = True,
 ) -> dict[str, Any]:
     """The values by name, each as its type hint has it.
 
@@ -83,7 +90,9 @@ def typed_values(
             raise ConfigError(f"{name}.{key}: unknown, expected one of {known}")
     if missing := [key for key in required if key not in values]:
         raise ConfigError(f"{name}: lacks {', '.join(missing)}; expected {known}")
-    return {key: typed(hints[key], value, f"{name}.{key}") for key, value in values.items()}
+    return {
+        key: typed(hints[key], value, f"{name}.{key}", whole=whole) for key, value in values.items()
+    }
 
 
 def plain(
@@ -111,35 +120,38 @@ def field_values(value: Any) -> dict[str, Any]:
     return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
-def _dataclass(kind: Any, value: Any, name: str) -> Any:
+def _dataclass(kind: Any, value: Any, name: str, whole: bool) -> Any:
     hints, taken = get_type_hints(kind), [field for field in fields(kind) if field.init]
-    required = [f.name for f in taken if f.default is f.default_factory is MISSING]
-    return kind(**typed_values({f.name: hints[f.name] for f in taken}, value, name, required))
+    required = [f.name for f in taken if whole or f.default is f.default_factory is MISSING]
+    known = {f.name: hints[f.name] for f in taken}
+    return kind(**typed_values(known, value, name, required, whole=whole))
 
 
-def _one_of_several(kinds: Sequence[Any], value: Any, name: str) -> Any:
+def _one_of_several(kinds: Sequence[Any], value: Any, name: str, whole: bool) -> Any:
     """The value as the first kind has it that takes it."""
     if value is None and NoneType in kinds:
         return None
     complex_kinds = [kind for kind in kinds if kind not in _PLAIN]
     if len(kinds) == 1 + (NoneType in kinds) and complex_kinds:
-        return typed(complex_kinds[0], value, name)  # its message names what is wrong within
+        return typed(
+            complex_kinds[0], value, name, whole=whole
+        )  # its message names what is wrong within
     for kind in kinds:
         try:
-            return typed(kind, value, name)
+            return typed(kind, value, name, whole=whole)
         except ConfigError:
             continue
     words = (_PLAIN.get(kind) or str(getattr(kind, "__name__", kind)) for kind in kinds)
     return _expect(False, name, value, " or ".join(words))
 
 
-def _sequence(origin: Any, inner: Sequence[Any], value: Any, name: str) -> Any:
+def _sequence(origin: Any, inner: Sequence[Any], value: Any, name: str, whole: bool) -> Any:
     of_length = None if origin is not tuple or inner[-1] is ... else len(inner)
     right = isinstance(value, list | tuple) and of_length in (None, len(value))
     _expect(right, name, value, "a list" if of_length is None else f"a list of {of_length}")
     kinds = [inner[0]] * len(value) if of_length is None else inner
     both = enumerate(zip(kinds, value, strict=True))
-    made = [typed(kind, each, f"{name}[{k}]") for k, (kind, each) in both]
+    made = [typed(kind, each, f"{name}[{k}]", whole=whole) for k, (kind, each) in both]
     return made if origin is list else tuple(made)
 
 

@@ -53,7 +53,8 @@ class PlainSettings:
             ConfigError: a name that is no setting, or a value of another type. The message names
                 it as ``key.name``.
         """
-        settings: Self = typed(cls, values, f"{cls.label} settings".strip() if key is None else key)
+        name = f"{cls.label} settings".strip() if key is None else key
+        settings: Self = typed(cls, values, name, whole=False)
         return settings
 
 

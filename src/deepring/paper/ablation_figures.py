@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from deepring.paper.ablation import CLASSES, GROUP, AblationTable, Entry
 from deepring.paper.paper_values import OURS, WAYS, components
-from deepring.reports.style import INK, PALETTE, SMALL_SIZE, new_figure, series, style_axes
+from deepring.reports.style import INK, PALETTE, legend_below, new_figure, series, style_axes
 
 _MEAN, _SEED, _PAPER = "mean ± sample sd", "one seed", "paper (NCLT)"
 
@@ -146,14 +146,8 @@ def _legend(figure: Figure, axes: Axes) -> None:
     kinds = dict(reversed(list(zip(labels, handles, strict=True))))  # the first of a kind stays
     last = [label for label in (_SEED, _PAPER) if label in kinds]
     shown = [*(label for label in reversed(kinds) if label not in last), *last]
-    figure.legend(
-        [kinds[label] for label in shown],
-        shown,
-        loc="outside lower center",
-        ncols=3 if len(shown) == 3 else 2,
-        fontsize=SMALL_SIZE,
-        frameon=False,
-    )
+    handles = [kinds[label] for label in shown]
+    legend_below(figure, 3 if len(shown) == 3 else 2, handles=handles, labels=shown)
 
 
 def _label(entry: Entry) -> str:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from deepring.errors import DeepringError
 from deepring.paper.case_study import ROWS, ErrorRow, Kind, Name, TwinPair, View
 from deepring.reports.sinograms import draw_bev
-from deepring.reports.style import INK, LABEL_SIZE, PALETTE, SMALL_SIZE, new_figure, style_axes
+from deepring.reports.style import INK, LABEL_SIZE, PALETTE, legend_below, new_figure, style_axes
 
 _ANGLES = (0, 90, 180, 270, 360)
 _TITLES: dict[Name, str] = {"SG": "Sinogram (SG)", "PG": "Polar gram (PG)"}
@@ -93,7 +93,7 @@ def error_figure(rows: Sequence[ErrorRow], title: str = "") -> Figure:
     for axes in (shifted, turned):
         axes.set_ylim(0, top)
     figure.suptitle(title, fontsize=LABEL_SIZE, color=INK)
-    figure.legend(loc="outside lower center", ncols=3, fontsize=SMALL_SIZE, frameon=False)
+    legend_below(figure, 3)
     return figure
 
 

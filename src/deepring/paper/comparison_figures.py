@@ -14,7 +14,7 @@ from deepring.evaluation.counting import precision_recall
 from deepring.evaluation.matches import TopMatches
 from deepring.paper.comparison import Block, MethodComparison
 from deepring.paper.seed_groups import SeedGroup
-from deepring.reports.style import INK, LABEL_SIZE, SMALL_SIZE, new_figure, series, style_axes
+from deepring.reports.style import INK, LABEL_SIZE, legend_below, new_figure, series, style_axes
 
 Curve = tuple[ArrayLike, ArrayLike]
 """Precision and recall (t,), the highest threshold first."""
@@ -142,9 +142,4 @@ def _legend(figure: Figure, methods: Sequence[str]) -> None:
         colour, line, _ = series(number)
         # an empty line, thick enough to tell its colour
         axes.plot([], [], line, color=colour, linewidth=2.2, label=method)
-    figure.legend(
-        loc="outside lower center",
-        ncols=min(len(methods), 4),
-        fontsize=SMALL_SIZE,
-        frameon=False,
-    )
+    legend_below(figure, min(len(methods), 4))

@@ -4,6 +4,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from deepring.io.typed import plain
+
 #: Keys by which no run gives other results, as a regular expression: where it lies, what it shows,
 #: how it goes on.
 INDIFFERENT = (
@@ -15,18 +17,14 @@ INDIFFERENT = (
 def flatten(node: Any, prefix: str = "") -> dict[str, Any]:
     """Nested dicts as one with dotted keys; null is the same as absent, 10.0 the same as 10."""
     if not isinstance(node, Mapping):
-        return {} if node is None else {prefix: _plain(node)}
+        return {} if node is None else {prefix: plain(node, _whole)}
     flat: dict[str, Any] = {}
     for key, value in node.items():
         flat |= flatten(value, f"{prefix}.{key}" if prefix else str(key))
     return flat
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
+def _whole(_: str, value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 

@@ -14,7 +14,7 @@ from deepring.errors import DataError
 from deepring.evaluation.metrics import Over, area_under, f1_along
 from deepring.evaluation.results import Result
 from deepring.reports.results_table import recall as recall_of
-from deepring.reports.style import FAINT, SMALL_SIZE, new_figure, series, style_axes
+from deepring.reports.style import FAINT, SMALL_SIZE, legend_below, new_figure, series, style_axes
 
 
 def precision_recall_figure(
@@ -40,14 +40,7 @@ def precision_recall_figure(
         _draw_curve(axes, index, method, np.asarray(precision), np.asarray(recall))
     style_axes(axes, title or f"Right within {radius:g} m", "recall", "precision", grid=False)
     axes.set(xlim=(0, 1.01), ylim=(0, 1.01))
-    figure.legend(
-        loc="outside lower center",
-        ncols=2,
-        fontsize=SMALL_SIZE,
-        frameon=False,
-        handlelength=1.6,
-        columnspacing=1.2,
-    )
+    legend_below(figure, 2, handlelength=1.6, columnspacing=1.2)
     return figure
 
 

@@ -5,6 +5,7 @@ global state, so that figures work without a display and in several threads.
 """
 
 from pathlib import Path
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -50,6 +51,12 @@ def style_axes(axes: Axes, title: str, across: str, up: str, *, grid: bool = Tru
     if grid:
         axes.grid(color=FAINT, linewidth=0.6)
         axes.set_axisbelow(True)
+
+
+def legend_below(figure: Figure, columns: int, **options: Any) -> None:
+    """What the marks mean, below all axes; ``options`` are those of ``Figure.legend``."""
+    options |= {"ncols": columns, "fontsize": SMALL_SIZE, "frameon": False}
+    figure.legend(loc="outside lower center", **options)
 
 
 def save(figure: Figure, path: str | Path, dpi: float = 150.0) -> None:

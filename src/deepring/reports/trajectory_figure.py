@@ -11,8 +11,8 @@ from deepring.reports.style import (
     DATABASE,
     HIT,
     MISS,
-    SMALL_SIZE,
     UNANSWERABLE,
+    legend_below,
     new_figure,
     style_axes,
 )
@@ -59,7 +59,7 @@ def trajectory_figure(
     axes.set_aspect("equal", adjustable="datalim")
     axes.xaxis.set_major_locator(MaxNLocator(7))
     axes.yaxis.set_major_locator(MaxNLocator(7))
-    figure.legend(loc="outside lower center", ncols=4, fontsize=SMALL_SIZE, frameon=False)
+    legend_below(figure, 4)
     return figure
 
 
