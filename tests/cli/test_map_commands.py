@@ -195,7 +195,7 @@ def test_mistakes_leave_nothing_behind(place_map, tiny_nclt, checkpoint, tmp_pat
     (tmp_path / "there").write_text("mine")
     refused(here(*BUILD, tiny_nclt, "-o", "there", *known), "exists")
     assert (tmp_path / "there").read_text() == "mine"
-    refused(here(*BUILD, tiny_nclt, "-o", "a.map", *known), "name one")
+    refused(here(*BUILD, tiny_nclt, "-o", "a.map", *known), "the name of one")
     session = ["--session", "2031-02-04"]
     for options, words in (
         (["--spacing", -1, *known, *session], ["--spacing: -1"]),
