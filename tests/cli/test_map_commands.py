@@ -195,7 +195,7 @@ def test_mistakes_leave_nothing_behind(place_map, tiny_nclt, checkpoint, tmp_pat
     (tmp_path / "there").write_text("mine")
     refused(here(*BUILD, tiny_nclt, "-o", "there", *known), "exists")
     assert (tmp_path / "there").read_text() == "mine"
-    refused(here(*BUILD, tiny_nclt, "-o", "a.map", *known), "name one")
+    refused(here(*BUILD, tiny_nclt, "-o", "a.map", *known), "the name of one")
     session = ["--session", "2031-02-04"]
     for options, words in (
         (["--spacing", -1, *known, *session], ["--spacing: -1"]),
@@ -292,7 +292,7 @@ def test_a_custom_drive_is_taken_wherever_a_dataset_is(
 
 def test_mistakes_in_a_custom_drive_are_named(custom_drive, checkpoint, tmp_path, here):
     known = ["--checkpoint", checkpoint]
-    refused(here(*BUILD, "drive.yaml", "-o", "a.map", *known), "first, second", "name one")
+    refused(here(*BUILD, "drive.yaml", "-o", "a.map", *known), "first, second", "the name of one")
     refused(here(*BUILD, "none.yaml", "-o", "a.map", *known), "none.yaml", "cannot be read")
     custom_drive.write_text(custom_drive.read_text().replace("up: -z", "up: down"))
     refused(here("data", "check", "drive.yaml"), "drive.yaml", "up: 'down'", "-z")

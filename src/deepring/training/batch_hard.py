@@ -134,7 +134,7 @@ class ScanBatchSet(TrainingSet[ScanBatch]):
             raise DataError(
                 f"sampling.size: {scheme.size} scans in pairs, but only {len(self.anchors)} of "
                 f"{len(scans)} training scans have another within {scheme.positive_radius:g} m; "
-                "raise sampling.positive_radius, lower sampling.size or data.spacing.train"
+                "raise sampling.positive_radius, lower sampling.size, or use more training scans"
             )
 
     def __len__(self) -> int:

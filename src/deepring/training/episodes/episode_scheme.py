@@ -123,8 +123,8 @@ class Places:
             f"sampling.ways: {s.ways}, but the {len(self.points)} scans of the training region "
             f"contain only {most} places of {self.size} scans within "
             f"{s.positive_radius:g} m of each other and beyond {s.negative_radius:g} m of the "
-            "other places; lower sampling.ways or sampling.queries, enlarge data.regions.train, "
-            "or lower data.spacing.train"
+            "other places; lower sampling.ways or sampling.queries, enlarge the training "
+            "region, or lower the spacing of training scans"
         )
 
     def _sample_classes(self, rng: np.random.Generator) -> list[NDArray[np.int64]]:

@@ -108,7 +108,7 @@ class TupleSet(TrainingSet[TupleBatch]):
                 f"within {scheme.positive_radius:g} m and more than {scheme.negatives} beyond "
                 f"{scheme.negative_radius:g} m; lower sampling.positives or sampling.negatives, "
                 "change sampling.positive_radius or sampling.negative_radius, or enlarge "
-                "data.regions.train"
+                "the training region"
             )
         self[0]  # fails here rather than in a worker
 
@@ -155,7 +155,7 @@ class TupleSet(TrainingSet[TupleBatch]):
         raise DataError(
             f"sampling.negatives: no {s.negatives} of {len(self.scans)} training scans are all "
             f"beyond {s.negative_radius:g} m of the query and of one more negative; lower "
-            "sampling.negatives or sampling.negative_radius, or enlarge data.regions.train"
+            "sampling.negatives or sampling.negative_radius, or enlarge the training region"
         )
 
     def _beyond(self, scan: int) -> NDArray[np.int64]:
