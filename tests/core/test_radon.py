@@ -158,10 +158,57 @@ def test_gradient_flows_through_the_torch_path():
     assert image.grad.abs().sum() > 0
 
 
-@pytest.mark.parametrize(("shape", "angles"), [((4, 5), 8), ((4, 4), 7), ((4,), 8)])
-def test_bad_arguments_are_named(shape, angles):
-    with pytest.raises(DeepringError, match="radon"):
-        radon(torch.zeros(shape), angles=angles)
+@pytest.mark.parametrize("theta_range", ["full", "half"])
+@pytest.mark.parametrize("batch", [(), (3,), (2, 3)])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_a_gradient_changes_nothing_else(theta_range, batch, dtype):
+    generator = torch.Generator().manual_seed(1)
+    image = torch.rand(*batch, 10, 10, dtype=dtype, generator=generator)
+    settings = {"angles": 8, "bins": 7, "extent": 3.0, "theta_range": theta_range}
+    plain = radon(image, **settings)
+    graph = radon(image.clone().requires_grad_(), **settings)
+    assert graph.requires_grad
+    assert plain.dtype == graph.dtype == torch.float32
+    assert plain.shape == graph.shape == (*batch, 8, 7)
+    assert torch.allclose(graph, plain, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "dtype",
+    [torch.bool, torch.uint8, torch.int64, torch.float16, torch.bfloat16, torch.float64],
+)
+def test_zeros_and_ones_of_any_dtype_have_one_sinogram(dtype):
+    image = torch.rand(2, 12, 12, generator=torch.Generator().manual_seed(3)) > 0.7
+    sinogram = radon(image.to(dtype), angles=8)
+    assert sinogram.dtype == torch.float32
+    assert torch.equal(sinogram, radon(image.float(), angles=8))
+
+
+def test_the_compiled_loop_is_taken_wherever_no_gradient_is_needed():
+    image = torch.rand(1, 30, 30, generator=torch.Generator().manual_seed(2))
+    compiled = _compiled(image, 20, 40, 30, 2 / 30)
+    assert torch.equal(radon(image, angles=40), compiled)
+    needed = image.clone().requires_grad_()
+    assert not torch.equal(radon(needed, angles=40), compiled)  # the last digits differ
+    with torch.no_grad():
+        assert torch.equal(radon(needed, angles=40), compiled)
+
+
+@pytest.mark.parametrize(
+    ("shape", "arguments", "message"),
+    [
+        ((4, 5), {}, r"^radon: image of shape \(4, 5\)"),
+        ((2, 4, 5), {}, r"^radon: image of shape \(2, 4, 5\)"),
+        ((4,), {}, r"^radon: image of shape \(4,\)"),
+        ((4, 4), {"angles": 7}, r"^radon\.angles: 7, expected an even number"),
+        ((4, 4), {"angles": 0}, r"^radon\.angles: 0"),
+        ((4, 4), {"angles": 7.5, "theta_range": "half"}, r"^radon\.angles: 7\.5"),
+        ((4, 4), {"theta_range": "quarter"}, r"^radon\.theta_range: 'quarter'"),
+    ],
+)
+def test_bad_arguments_are_named(shape, arguments, message):
+    with pytest.raises(DeepringError, match=message):
+        radon(torch.zeros(shape), **{"angles": 8, **arguments})
 
 
 def test_half_a_turn_is_the_first_half_of_a_full_one():
