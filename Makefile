@@ -18,12 +18,12 @@ SWEEP := seed=$(subst $(space),$(comma),$(strip $(SEEDS))) hydra/launcher=joblib
 
 help:
 	@echo "make demo       simulate, train, evaluate, print the results (SEED=0)"
-	@echo "make ablations  Tables III and IV on simulated worlds (SEEDS='0 1 2'); goes on if stopped"
-	@echo "make compare    all methods, Tables I and II (SEEDS='0 1'); goes on if stopped"
-	@echo "make weights    train the network that comes with the package, on worlds of its own"
+	@echo "make ablations  Tables III and IV on simulated worlds (SEEDS='0 1 2'); resumes if stopped"
+	@echo "make compare    all methods, Tables I and II (SEEDS='0 1'); resumes if stopped"
+	@echo "make weights    train the network that comes with the package, on separate worlds"
 	@echo "make test       lint, types, import directions and the default tests"
 	@echo "make test-slow  the long tests"
-	@echo "make lint       formatting, lint, types and import directions alone"
+	@echo "make lint       formatting, lint, types and import directions, without tests"
 	@echo "make coverage   the default tests with coverage of the package, lines and branches"
 	@echo "make mutation   mutants of core/ and the metrics that no test kills (MUTANTS='deepring.core.radon*')"
 	@echo "make hooks      run make lint's checks before every commit (pre-commit)"

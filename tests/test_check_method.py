@@ -18,10 +18,10 @@ from deepring.methods.scan_context import ScanContext
 from deepring.rasters import PolarRaster, raster_settings
 from deepring.search.compare_index import CompareIndex
 from deepring.search.hits import Hits
-from deepring.testing import MethodError, check_method, draw, walls
+from deepring.testing import MethodError, check_method, rasterize, walls
 from helpers.tiny_methods import BEV, CONTEXT, TINY, deepring, disco
 
-WITHOUT_TURN = {"turn": "compare gives no turn"}
+WITHOUT_TURN = {"turn": "compare returns no turn"}
 VARIANTS = {
     "DeepRING over half a turn": (lambda: deepring(theta_range="half"), {}),
     "DeepRING by L2": (lambda: deepring(similarity="l2", aggregation="dft2"), WITHOUT_TURN),
@@ -47,11 +47,11 @@ def test_their_variants_pass(name):
 
 def test_rasters_of_ones_own_are_taken():
     method = ScanContext(CONTEXT)
-    rasters = draw(method, [walls(k) for k in range(20, 24)])
+    rasters = rasterize(method, [walls(k) for k in range(20, 24)])
     assert check_method(method, rasters) == {}
-    with pytest.raises(MethodError, match="rasters: 2 scans are given, expected at least 3"):
+    with pytest.raises(MethodError, match="rasters: 2 scans, expected at least 3"):
         check_method(method, rasters[:2])
-    with pytest.raises(MethodError, match=r"shapes: rasters \(4, 24, 7\), the raster has \(24, 8"):
+    with pytest.raises(MethodError, match=r"shapes: rasters \(4, 24, 7\), expected \(n, 24, 8"):
         check_method(method, rasters[:, :, :7])
 
 
@@ -201,15 +201,15 @@ def test_a_network_of_a_user_passes():
 WRONG = {
     "whole numbers": (
         wrong(describe=with_describe(lambda d: d.long())),
-        r"shapes: describe gives torch\.int64, expected a floating",
+        r"shapes: describe returns torch\.int64, expected a floating",
     ),
     "no tensor": (
         wrong(describe=with_describe(lambda d: d.numpy())),
-        "shapes: describe gives ndarray, expected a floating",
+        "shapes: describe returns ndarray, expected a floating",
     ),
     "one descriptor for all": (
         wrong(describe=with_describe(lambda d: d.mean(dim=0, keepdim=True))),
-        r"shapes: describe gives \(1, 24, 8\) for 8 rasters, expected \(8, \.\.\.\)",
+        r"shapes: describe returns \(1, 24, 8\) for 8 rasters, expected \(8, \.\.\.\)",
     ),
     "not finite": (
         wrong(describe=with_describe(lambda d: d / 0.0)),
@@ -217,15 +217,15 @@ WRONG = {
     ),
     "scores transposed": (
         wrong(compare=with_compare(lambda score, turn: (score.T, turn))),
-        r"shapes: compare gives a score of \(8, 2\) for 2 queries and 8 entries, expected \(2, 8",
+        r"shapes: compare returns a score of \(8, 2\) for 2 queries and 8 entries, expected \(2, 8",
     ),
     "one turn per query": (
         wrong(compare=with_compare(lambda score, turn: (score, turn[:, 0]))),
-        r"shapes: compare gives a turn of \(2,\)",
+        r"shapes: compare returns a turn of \(2,\)",
     ),
     "whole turns": (
         wrong(compare=with_compare(lambda score, turn: (score, turn.long()))),
-        "shapes: compare gives a turn that is no floating Tensor",
+        "shapes: turn of compare, expected a floating Tensor",
     ),
     "scores that are no numbers": (
         wrong(compare=with_compare(lambda score, turn: (score / 0, turn))),
@@ -246,7 +246,7 @@ WRONG = {
     ),
     "an empty batch of another shape": (
         wrong(describe=lambda _, rasters: rasters.float() if len(rasters) else torch.empty(0)),
-        r"empty batch: describe gives \(0,\) for 0 rasters, expected \(0, 24, 8\)",
+        r"empty batch: describe returns \(0,\) for 0 rasters, expected \(0, 24, 8\)",
     ),
     "no comparison with nothing": (
         wrong(compare=with_compare(lambda score, turn: (score + 0 * score.max(), turn))),
@@ -262,11 +262,11 @@ WRONG = {
     ),
     "the opposite turn": (
         wrong(compare=with_compare(lambda score, turn: (score, -turn))),
-        r"turn: the points were turned by 60° .*\[-60.*their sign is the opposite one",
+        r"turn: the points were turned by 60° .*\[-60.*of the opposite sign",
     ),
     "no turn at all": (
         wrong(compare=with_compare(lambda score, turn: (score, 0 * turn))),
-        r"turn: .*gives \[0, 0, 0, 0, 0, 0, 0, 0\] degrees; expected most of them within 25°",
+        r"turn: .*returns \[0, 0, 0, 0, 0, 0, 0, 0\] degrees; expected most of them within 25°",
     ),
     "half a turn more": (
         wrong(compare=with_compare(lambda s, turn: (s, (turn % (2 * math.pi)) - math.pi))),
@@ -294,7 +294,7 @@ WRONG = {
     ),
     "the turn is lost": (
         wrong(index=with_index(lambda hits: hits._replace(turn=None))),
-        "index: it gives no turn, compare gives one",
+        "index: compare returns turns, but the index does not",
     ),
     "a weight outside the state": (biased(), "file: read from a file, the network .* differ by"),
     "a value outside the fingerprint": (

@@ -1,6 +1,6 @@
-"""Checks of single values: each returns the value, or raises ConfigError with its name.
+"""Checks of single values: each returns the value, or raises ConfigError.
 
-The message has one form throughout: the name, the value, and what was expected.
+Every message states the name, the value, and what was expected.
 """
 
 import math
@@ -13,7 +13,7 @@ T = TypeVar("T")
 
 
 def one_of(name: str, value: T, choices: Any) -> T:
-    """The value, if it is among ``choices``: a collection, or a ``Literal`` type.
+    """Return the value if it is among ``choices``, a collection or a ``Literal`` type.
 
     >>> one_of("similarity", "l2", ("l2", "cosine"))
     'l2'
@@ -21,15 +21,15 @@ def one_of(name: str, value: T, choices: Any) -> T:
     Traceback (most recent call last):
     deepring.errors.ConfigError: similarity: 'l1', expected one of l2, cosine
     """
-    known: Collection[Any] = get_args(choices) or choices
-    # Not ``value in known``: a list cannot be looked up in a set, and True equals 1.
-    if not any(type(value) is type(choice) and value == choice for choice in known):
-        raise ConfigError(f"{name}: {value!r}, expected one of {', '.join(map(str, known))}")
+    options: Collection[Any] = get_args(choices) or choices
+    # Not ``value in options``: a list cannot be looked up in a set, and True equals 1.
+    if not any(type(value) is type(option) and value == option for option in options):
+        raise ConfigError(f"{name}: {value!r}, expected one of {', '.join(map(str, options))}")
     return value
 
 
 def number(name: str, value: float, unit: str = "") -> float:
-    """The value, if it is a finite number; ``unit`` is for the message.
+    """Return the value if it is a finite number. ``unit`` appears in the message.
 
     >>> number("ground_z", math.nan, "metres")
     Traceback (most recent call last):
@@ -41,7 +41,7 @@ def number(name: str, value: float, unit: str = "") -> float:
 
 
 def positive(name: str, value: float, unit: str = "") -> float:
-    """The value, if it is a finite number above 0; ``unit`` is for the message.
+    """Return the value if it is a finite number above 0. ``unit`` appears in the message.
 
     >>> positive("reach", 0, "metres")
     Traceback (most recent call last):
@@ -53,7 +53,7 @@ def positive(name: str, value: float, unit: str = "") -> float:
 
 
 def at_least(name: str, value: float, least: float, unit: str = "") -> float:
-    """The value, if it is a finite number of at least ``least``.
+    """Return the value if it is a finite number of at least ``least``.
 
     >>> at_least("spacing", -1.0, 0, "metres")
     Traceback (most recent call last):
@@ -65,7 +65,7 @@ def at_least(name: str, value: float, least: float, unit: str = "") -> float:
 
 
 def count(name: str, value: int, least: int = 1) -> int:
-    """The value, if it is a whole number of at least ``least``.
+    """Return the value if it is a whole number of at least ``least``.
 
     >>> count("candidates", 2.0)
     Traceback (most recent call last):
@@ -77,7 +77,7 @@ def count(name: str, value: int, least: int = 1) -> int:
 
 
 def share(name: str, value: float) -> float:
-    """The value, if it is a number in [0, 1].
+    """Return the value if it is a number in [0, 1].
 
     >>> share("candidate_share", 1)
     1
@@ -88,7 +88,7 @@ def share(name: str, value: float) -> float:
 
 
 def fraction(name: str, value: float) -> float:
-    """The value, if it is a number between 0 and 1, neither of which it may be.
+    """Return the value if it is a number between 0 and 1, both excluded.
 
     >>> fraction("precision", 1.0)
     Traceback (most recent call last):
@@ -100,27 +100,27 @@ def fraction(name: str, value: float) -> float:
 
 
 def interval(name: str, value: Any, unit: str = "") -> tuple[float, float]:
-    """The pair (low, high) of finite numbers, if low < high.
+    """Return the pair (low, high) of finite numbers if low < high.
 
     >>> interval("height", [-5, 20], "metres")
     (-5, 20)
     """
     pair = tuple(value) if isinstance(value, list | tuple) else ()
     if len(pair) != 2 or not all(map(is_number, pair)) or not pair[0] < pair[1]:
-        of = f" in {unit}" if unit else ""
-        raise ConfigError(f"{name}: {value!r}, expected [low, high]{of} with low < high")
+        suffix = f" in {unit}" if unit else ""
+        raise ConfigError(f"{name}: {value!r}, expected [low, high]{suffix} with low < high")
     return pair
 
 
 def of_type(name: str, value: T, kind: type) -> T:
-    """The value, if it is an instance of ``kind``."""
+    """Return the value if it is an instance of ``kind``."""
     if not isinstance(value, kind):
         raise ConfigError(f"{name}: a {type(value).__name__}, expected a {kind.__name__}")
     return value
 
 
 def is_number(value: Any) -> bool:
-    """Whether the value is a finite int or float; a bool is none.
+    """Whether the value is a finite int or float, and not a bool.
 
     >>> [is_number(value) for value in (0, -1.5, True, math.inf, "1")]
     [True, True, False, False, False]

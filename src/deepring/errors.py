@@ -1,11 +1,10 @@
-"""Errors that a user can mend. The command line prints them without a traceback."""
+"""Errors that a user can fix. The command line prints them without a traceback."""
 
 
 class DeepringError(ValueError):
     """A user's mistake or unusable input: what is wrong, where, and what to do.
 
-    ``argument`` names the argument that would mend it, where the message alone does not let a
-    caller tell, such as a command line that adds its flag.
+    ``argument`` is the name of the argument to change, so that the command line can name its flag.
     """
 
     def __init__(self, message: str = "", argument: str | None = None) -> None:
@@ -14,7 +13,7 @@ class DeepringError(ValueError):
 
 
 class ConfigError(DeepringError):
-    """A setting, an argument or an option that cannot be used."""
+    """A setting, argument or option with an invalid value."""
 
 
 class DataError(DeepringError):
@@ -22,12 +21,12 @@ class DataError(DeepringError):
 
 
 class FileError(DeepringError):
-    """A file that is missing, damaged, of another format, or cannot be written."""
+    """A file that is missing, damaged, in an unexpected format, or cannot be written."""
 
 
 class BrokenScanError(DataError):
-    """One scan file that cannot be decoded. Sessions skip, count and report these."""
+    """A scan file that cannot be decoded. Datasets skip, count and report such scans."""
 
 
 class StoppedError(DeepringError):
-    """The user stopped the work; the message says how to go on."""
+    """The user interrupted the work; the message says how to resume it."""

@@ -1,4 +1,4 @@
-"""Checks of a method, ours or anyone's: `check_method` asserts what every method has to satisfy.
+"""Checks for methods: `check_method` asserts the properties that every method must have.
 
 from deepring.testing import check_method
 
@@ -22,46 +22,46 @@ from deepring.methods.method import Method, index_of, rebuild_method
 from deepring.methods.network import NetworkMethod
 from deepring.methods.network_file import TrainedNetwork, read_network, write_network
 
-#: Scans that are drawn where none are given.
+#: Number of simulated scans, used when the caller passes no rasters.
 SCANS = 8
 
-#: Of scores, relative to the largest: sums come out otherwise in batches of another size.
+#: Tolerance of scores relative to the largest: sums differ slightly with the batch size.
 TOLERANCE = 1e-4
 
-#: Of turns, radians: less than half the way to the opposite turn, modulo π as well.
+#: Tolerance of turns, radians: less than half the distance to the opposite turn, also modulo π.
 TURN_TOLERANCE = math.radians(25)
 
-#: The turn that a method has to find, radians. A multiple of whole sectors of common rasters.
+#: The turn that a method must find, radians: a whole number of sectors of common rasters.
 TURN = math.radians(60)
 
 
 class MethodError(AssertionError):
-    """A property that a method does not have: which one, and by how much."""
+    """Raised for a property that a method lacks; the message says by how much."""
 
-    def __init__(self, property: str, sentence: str) -> None:
-        super().__init__(f"{property}: {sentence}")
+    def __init__(self, property: str, message: str) -> None:
+        super().__init__(f"{property}: {message}")
         self.property = property
 
 
 def check_method(method: Method, rasters: Tensor | None = None, seed: int = 0) -> dict[str, str]:
-    """Assert that a method describes and compares scans as the rest of the package expects.
+    """Assert that a method describes and compares scans as the package expects.
 
     Args:
-        method: trained or not, at any size.
-        rasters: (n, *method.raster.shape) of n different scans, at least 3; by default scans of
-            random walls are drawn through the method's raster.
-        seed: of the scans that are drawn.
+        method: trained or not, of any size.
+        rasters: (n, *method.raster.shape) of n different scans, at least 3; by default, scans of
+            random walls.
+        seed: random seed of the walls.
 
     Returns:
         The properties that do not apply to the method, each with the reason.
 
     Raises:
-        MethodError: a property that the method does not have. It is an AssertionError.
+        MethodError: an AssertionError for the first property that the method lacks.
     """
     if rasters is None:
-        rasters = draw(method, [walls(seed + k) for k in range(SCANS)])
+        rasters = rasterize(method, [walls(seed + k) for k in range(SCANS)])
     if len(rasters) < 3:
-        raise MethodError("rasters", f"{len(rasters)} scans are given, expected at least 3")
+        raise MethodError("rasters", f"{len(rasters)} scans, expected at least 3")
     descriptors = check_shapes(method, rasters)
     check_determinism(method, rasters, descriptors)
     check_empty_batch(method, rasters, descriptors)
@@ -75,7 +75,7 @@ def check_method(method: Method, rasters: Tensor | None = None, seed: int = 0) -
 
 
 def walls(seed: int, radius: float = 45.0) -> NDArray[np.float32]:
-    """Points (n, 3) of a scan among random walls, metres, ground at z = 0."""
+    """Points (n, 3) of a simulated scan among random walls, metres, with the ground at z = 0."""
     rng = np.random.default_rng(seed)
     points = []
     for _ in range(40):
@@ -87,44 +87,46 @@ def walls(seed: int, radius: float = 45.0) -> NDArray[np.float32]:
     return cloud[np.hypot(cloud[:, 0], cloud[:, 1]) < radius]
 
 
-def draw(method: Method, scans: list[NDArray[np.float32]]) -> Tensor:
+def rasterize(method: Method, scans: list[NDArray[np.float32]]) -> Tensor:
     """Rasters (n, *method.raster.shape) of n scans (m, 3)."""
     return torch.from_numpy(np.stack([method.raster(points, 0.0) for points in scans]))
 
 
 def check_shapes(method: Method, rasters: Tensor) -> Tensor:
-    """One finite floating descriptor per raster; scores (q, d), turns (q, d) in [-π, π] or None.
+    """Assert one finite descriptor per raster, scores (q, d), and turns (q, d) in [-π, π] or None.
 
     Returns the descriptors.
     """
     shape = tuple(method.raster.shape)
     if tuple(rasters.shape[1:]) != shape:
-        raise MethodError("shapes", f"rasters {tuple(rasters.shape)}, the raster has {shape}")
+        raise MethodError(
+            "shapes", f"rasters {tuple(rasters.shape)}, expected (n, {', '.join(map(str, shape))})"
+        )
     descriptors = method.describe(rasters)
     if not isinstance(descriptors, Tensor) or not descriptors.is_floating_point():
         kind = descriptors.dtype if isinstance(descriptors, Tensor) else type(descriptors).__name__
-        raise MethodError("shapes", f"describe gives {kind}, expected a floating Tensor")
+        raise MethodError("shapes", f"describe returns {kind}, expected a floating Tensor")
     if descriptors.ndim < 2 or len(descriptors) != len(rasters):
         raise MethodError(
             "shapes",
-            f"describe gives {tuple(descriptors.shape)} for {len(rasters)} rasters, expected "
+            f"describe returns {tuple(descriptors.shape)} for {len(rasters)} rasters, expected "
             f"({len(rasters)}, ...)",
         )
     bad = int((~torch.isfinite(descriptors)).sum())
     if bad:
         raise MethodError("shapes", f"{bad} of {descriptors.numel()} numbers are not finite")
     score, turn = method.compare(descriptors[:2], descriptors)
-    expected = (2, len(descriptors))
+    pairs = (2, len(descriptors))
     for name, values in (("score", score), ("turn", turn)):
         if values is None and name == "turn":
             continue
         if not isinstance(values, Tensor) or not values.is_floating_point():
-            raise MethodError("shapes", f"compare gives a {name} that is no floating Tensor")
-        if tuple(values.shape) != expected:
+            raise MethodError("shapes", f"{name} of compare, expected a floating Tensor")
+        if tuple(values.shape) != pairs:
             raise MethodError(
                 "shapes",
-                f"compare gives a {name} of {tuple(values.shape)} for 2 queries and "
-                f"{len(descriptors)} entries, expected {expected}",
+                f"compare returns a {name} of {tuple(values.shape)} for 2 queries and "
+                f"{len(descriptors)} entries, expected {pairs}",
             )
     if not torch.isfinite(score).all():
         raise MethodError("shapes", f"{int((~torch.isfinite(score)).sum())} scores are not finite")
@@ -136,37 +138,37 @@ def check_shapes(method: Method, rasters: Tensor) -> Tensor:
 
 
 def check_determinism(method: Method, rasters: Tensor, descriptors: Tensor) -> None:
-    """Described again, and one at a time, scans have the same descriptors."""
-    apart = _difference(method.describe(rasters), descriptors)
-    if apart > 0:
+    """Assert that descriptors repeat, for the same batch and for one scan at a time."""
+    error = _difference(method.describe(rasters), descriptors)
+    if error > 0:
         raise MethodError(
-            "determinism", f"described twice, descriptors differ by {apart:.3g}, expected 0"
+            "determinism", f"described twice, descriptors differ by {error:.3g}, expected 0"
         )
-    alone = torch.cat([method.describe(rasters[k : k + 1]) for k in range(len(rasters))])
-    apart = _difference(alone, descriptors)
-    if not apart <= TOLERANCE:
+    single = torch.cat([method.describe(rasters[k : k + 1]) for k in range(len(rasters))])
+    error = _difference(single, descriptors)
+    if not error <= TOLERANCE:
         raise MethodError(
             "determinism",
-            f"described one at a time, descriptors differ by {apart:.3g} of the largest number "
+            f"described one at a time, descriptors differ by {error:.3g} of the largest number "
             f"from those of one batch, expected at most {TOLERANCE:g}: a scan's descriptor must "
-            "not depend on the others of its batch",
+            "not depend on the other scans of its batch",
         )
 
 
 def check_empty_batch(method: Method, rasters: Tensor, descriptors: Tensor) -> None:
-    """No rasters give no descriptors; no queries and no entries give empty comparisons."""
-    expected = (0, *descriptors.shape[1:])
+    """Assert that empty batches of rasters, queries and entries give empty results."""
+    none = (0, *descriptors.shape[1:])
     try:
         empty = method.describe(rasters[:0])
     except Exception as error:
         raise MethodError(
             "empty batch",
-            f"describe raises {type(error).__name__} for 0 rasters, expected {expected}",
+            f"describe raises {type(error).__name__} for 0 rasters, expected {none}",
         ) from error
-    if tuple(empty.shape) != expected:
+    if tuple(empty.shape) != none:
         raise MethodError(
             "empty batch",
-            f"describe gives {tuple(empty.shape)} for 0 rasters, expected {expected}",
+            f"describe returns {tuple(empty.shape)} for 0 rasters, expected {none}",
         )
     for queries, database in ((empty, descriptors), (descriptors, empty)):
         size = (len(queries), len(database))
@@ -179,42 +181,42 @@ def check_empty_batch(method: Method, rasters: Tensor, descriptors: Tensor) -> N
                 f"entries, expected scores {size}",
             ) from error
         if shape != size:
-            raise MethodError("empty batch", f"compare gives scores {shape}, expected {size}")
+            raise MethodError("empty batch", f"compare returns scores {shape}, expected {size}")
 
 
 def check_self_similarity(method: Method, descriptors: Tensor) -> None:
-    """No scan is more alike another scan than itself, and it is less alike some."""
+    """Assert that each scan scores highest with itself, and lower with at least one other scan."""
     score = method.compare(descriptors, descriptors).score
-    own, best = score.diagonal(), score.max(dim=1)
+    diagonal, best = score.diagonal(), score.max(dim=1)
     slack = TOLERANCE * float(score.abs().max())
-    k = int((best.values - own).argmax())
-    if float(best.values[k] - own[k]) > slack:
+    k = int((best.values - diagonal).argmax())
+    if float(best.values[k] - diagonal[k]) > slack:
         raise MethodError(
             "self-similarity",
-            f"scan {k} scores {float(own[k]):.6g} with itself and {float(best.values[k]):.6g} "
+            f"scan {k} scores {float(diagonal[k]):.6g} with itself and {float(best.values[k]):.6g} "
             f"with scan {int(best.indices[k])}, expected its own score to be the highest",
         )
-    spread = float((own - score.min(dim=1).values).min())
+    spread = float((diagonal - score.min(dim=1).values).min())
     if not spread > 0:
         raise MethodError(
             "self-similarity",
-            f"a scan scores {float(own[0]):.6g} with all {len(score)} scans, expected less with "
-            "another than with itself",
+            f"a scan scores {float(diagonal[0]):.6g} with all {len(score)} scans, expected a lower "
+            "score with other scans than with itself",
         )
 
 
 def check_turn(method: Method, seed: int = 0) -> str:
-    """The turn is that of the points from entry to query, modulo the method's ``turn_period``.
+    """Assert that `compare` finds by how much the points are turned from entry to query.
 
-    Scans are turned and drawn through the raster. Most of them have to be found: single ones may
-    look alike in two directions. Returns why the check does not apply, or ''.
+    The turn counts modulo the method's ``turn_period``, and for most scans: a few may look alike
+    in two directions. Returns why the check does not apply, or ''.
     """
     scans = [walls(seed + k) for k in range(SCANS)]
-    entries = method.describe(draw(method, scans))
+    entries = method.describe(rasterize(method, scans))
     period = float(getattr(method, "turn_period", 2 * math.pi))
     if method.compare(entries[:1], entries[:1]).turn is None:
-        return "compare gives no turn"
-    queries = method.describe(draw(method, [turn_points(points, TURN) for points in scans]))
+        return "compare returns no turn"
+    queries = method.describe(rasterize(method, [turn_points(points, TURN) for points in scans]))
     turns = torch.cat(
         [_turn_of(method, query, entry) for query, entry in zip(queries, entries, strict=True)]
     )
@@ -224,17 +226,17 @@ def check_turn(method: Method, seed: int = 0) -> str:
     if 2 * right > len(turns):
         return ""
     degrees = [round(value) for value in torch.rad2deg(turns).tolist()]
-    sign = " (their sign is the opposite one)" if 2 * opposite > len(turns) else ""
+    sign = " (of the opposite sign)" if 2 * opposite > len(turns) else ""
     raise MethodError(
         "turn",
         f"the points were turned by {math.degrees(TURN):.0f}° from entry to query, and compare "
-        f"gives {degrees} degrees{sign}; expected most of them within "
-        f"{math.degrees(TURN_TOLERANCE):.0f}° of it, modulo {math.degrees(period):.0f}°",
+        f"returns {degrees} degrees{sign}; expected most of them within "
+        f"{math.degrees(TURN_TOLERANCE):.0f}° of that turn, modulo {math.degrees(period):.0f}°",
     )
 
 
 def check_index(method: Method, descriptors: Tensor) -> str:
-    """The method's index finds what ``compare`` finds: scores, their order, and turns.
+    """Assert that the method's index agrees with `compare` in scores, order and turns.
 
     Returns ''.
     """
@@ -248,30 +250,32 @@ def check_index(method: Method, descriptors: Tensor) -> str:
     score, turn = method.compare(queries, database)
     hits = index.search(queries, len(database))
     slack = TOLERANCE * float(score.abs().max())
-    # A method may compare few entries per query, and give all others one lowest score.
+    # A method may compare only some entries with a query and give the rest one lowest score.
     width = hits.place.shape[1]
-    expected = score.sort(dim=1, descending=True).values[:, :width]
-    apart = float((hits.score - expected).abs().max())
-    if width < 1 or not apart <= slack:
+    best = score.sort(dim=1, descending=True).values[:, :width]
+    error = float((hits.score - best).abs().max())
+    if width < 1 or not error <= slack:
         raise MethodError(
             "index",
-            f"the best {width} scores differ by {apart:.3g} from those of compare, expected at "
+            f"the best {width} scores differ by {error:.3g} from those of compare, expected at "
             f"most {slack:.3g}",
         )
-    apart = float((hits.score - score.gather(1, hits.place)).abs().max())
-    if not apart <= slack:
+    error = float((hits.score - score.gather(1, hits.place)).abs().max())
+    if not error <= slack:
         raise MethodError(
             "index",
-            f"the scores of its places differ by {apart:.3g} from those that compare gives the "
-            f"same places, expected at most {slack:.3g}",
+            f"the scores of its places differ by {error:.3g} from those of compare for the same "
+            f"places, expected at most {slack:.3g}",
         )
     if (turn is None) != (hits.turn is None):
-        which = "no turn, compare gives one" if hits.turn is None else "a turn, compare gives none"
-        raise MethodError("index", f"it gives {which}")
+        with_turn, without = (
+            ("compare", "the index") if hits.turn is None else ("the index", "compare")
+        )
+        raise MethodError("index", f"{with_turn} returns turns, but {without} does not")
     if turn is not None and hits.turn is not None:
         period = float(getattr(method, "turn_period", 2 * math.pi))
-        apart_by = _away(hits.turn - turn.gather(1, hits.place), period).nan_to_num()
-        first = float(apart_by[:, 0].max())  # of others two shifts may be equally good
+        errors = _away(hits.turn - turn.gather(1, hits.place), period).nan_to_num()
+        first = float(errors[:, 0].max())  # for lower ranks two shifts may be equally good
         if first > 1e-3:
             raise MethodError(
                 "index",
@@ -282,41 +286,41 @@ def check_index(method: Method, descriptors: Tensor) -> str:
 
 
 def check_file(method: Method, rasters: Tensor, descriptors: Tensor) -> str:
-    """Written to a file and read again, the method is the same.
+    """Assert that the method survives being written to a file and read again.
 
-    A network is written as a network file and has to describe the same. Another method is rebuilt
-    from its fingerprint and has to compare the same. Returns why the check does not apply, or ''.
+    A network read from its file must give the same descriptors. Other methods are rebuilt from
+    their fingerprint and must give the same scores. Returns why the check does not apply, or ''.
     """
     if isinstance(method, NetworkMethod):
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "network.safetensors"
             write_network(path, TrainedNetwork(method, "", ""))
             network = read_network(path, type(method)).method
-        apart = _difference(network.describe(rasters), descriptors)
-        if apart > 0:
+        error = _difference(network.describe(rasters), descriptors)
+        if error > 0:
             raise MethodError(
                 "file",
-                f"read from a file, the network gives descriptors that differ by {apart:.3g} of "
+                f"read from a file, the network returns descriptors that differ by {error:.3g} of "
                 "the largest number, expected 0",
             )
         return ""
     if not hasattr(type(method), "from_fingerprint"):
-        return "the class has no from_fingerprint, so that its exports are scored in Python alone"
-    made_by = json.loads(json.dumps(fingerprint(method)))
-    rebuilt = rebuild_method(made_by, type(method))
-    difference = first_difference(made_by, fingerprint(rebuilt))
+        return "the class has no from_fingerprint, so its exports can be scored in Python only"
+    origin = json.loads(json.dumps(fingerprint(method)))
+    copy = rebuild_method(origin, type(method))
+    difference = first_difference(origin, fingerprint(copy))
     if difference is not None:
-        key, value, other = difference
+        key, before, after = difference
         raise MethodError(
-            "file", f"rebuilt from its fingerprint, {key} is {other!r}, expected {value!r}"
+            "file", f"rebuilt from its fingerprint, {key} is {after!r}, expected {before!r}"
         )
-    apart = _difference(
-        rebuilt.compare(descriptors, descriptors).score,
+    error = _difference(
+        copy.compare(descriptors, descriptors).score,
         method.compare(descriptors, descriptors).score,
     )
-    if apart > 0:
+    if error > 0:
         raise MethodError(
-            "file", f"rebuilt from its fingerprint, scores differ by {apart:.3g}, expected 0"
+            "file", f"rebuilt from its fingerprint, scores differ by {error:.3g}, expected 0"
         )
     return ""
 
@@ -332,8 +336,8 @@ def _away(angle: Tensor, period: float) -> Tensor:
     return (torch.remainder(angle + period / 2, period) - period / 2).abs()
 
 
-def _difference(ours: Tensor, theirs: Tensor) -> float:
-    """Largest difference relative to the largest number; infinite for other shapes."""
-    if ours.shape != theirs.shape:
+def _difference(first: Tensor, second: Tensor) -> float:
+    """Largest difference relative to the largest number; infinite where the shapes differ."""
+    if first.shape != second.shape:
         return math.inf
-    return float((ours - theirs).abs().max() / theirs.abs().max().clamp_min(1e-30))
+    return float((first - second).abs().max() / second.abs().max().clamp_min(1e-30))

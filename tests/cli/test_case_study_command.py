@@ -98,7 +98,7 @@ def test_broken_scans_of_a_dataset_are_left_out_and_counted(tiny_nclt, tmp_path,
     ("arguments", "words"),
     [
         (["{scan}"], ["--format", "nclt"]),
-        (["{scan}", "{root}", "--format", "nclt"], ["is no file"]),
+        (["{scan}", "{root}", "--format", "nclt"], ["not a file"]),
         (["{scan}", "{scan}", "--format", "nclt"], ["twice"]),
         (["{scan}", "--format", "nclt", "--session", "x"], ["--session x"]),
         (["nowhere"], ["nowhere"]),

@@ -78,7 +78,7 @@ MISTAKES = [
         ["data.root={tiny}", "data.regions.test=[{{disc: {{center: [9e4, 0], radius: 5}}}}]"],
         ["data.regions.test", "spans"],
     ),
-    (["data.root={tiny}", "data.regions.test=[{{disc: {{center: [9e4]}}}}]"], ["is no shape"]),
+    (["data.root={tiny}", "data.regions.test=[{{disc: {{center: [9e4]}}}}]"], [", expected"]),
     (["data.root={tiny}", "evaluation.regions=[moon]"], ["evaluation.regions", "moon"]),
     (["data.root={tiny}", "evaluation.radii=[-1]"], ["evaluation.radii"]),
     (["data.root={tiny}", "+methods.ring.foo=1"], ["methods.ring", "foo"]),

@@ -297,7 +297,7 @@ def test_mistakes_in_a_custom_drive_are_named(custom_drive, checkpoint, tmp_path
     custom_drive.write_text(custom_drive.read_text().replace("up: -z", "up: down"))
     refused(here("data", "check", "drive.yaml"), "drive.yaml", "up: 'down'", "-z")
     custom_drive.write_text("scans: [velodyne")
-    refused(here("loops", "drive.yaml", "-o", "a", *known), "drive.yaml", "no YAML")
+    refused(here("loops", "drive.yaml", "-o", "a", *known), "drive.yaml", "invalid YAML")
     assert not list(tmp_path.glob("a.*"))
 
 

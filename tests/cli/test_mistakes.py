@@ -4,7 +4,7 @@ import errno
 
 import pytest
 
-from deepring.cli.mistakes import in_flags, is_mistake, mistakes_reported
+from deepring.cli.mistakes import is_mistake, report_mistakes, with_flags
 from deepring.errors import ConfigError
 
 FLAGS = {"format": "--format", "ground_z": "--ground-z", "output": "-o"}
@@ -24,11 +24,11 @@ FLAGS = {"format": "--format", "ground_z": "--ground-z", "output": "-o"}
     ],
 )
 def test_arguments_become_flags_and_nothing_else_does(message, shown):
-    assert in_flags(message, FLAGS) == shown
+    assert with_flags(message, FLAGS) == shown
 
 
 def said(error, capsys):
-    with pytest.raises(SystemExit) as ended, mistakes_reported(FLAGS):
+    with pytest.raises(SystemExit) as ended, report_mistakes(FLAGS):
         raise error
     assert ended.value.code == 2
     captured = capsys.readouterr()
@@ -59,5 +59,5 @@ def test_the_system_s_errors_are_said_in_our_words(capsys):
 def test_a_bug_keeps_its_traceback():
     for error in (ValueError("a bug"), KeyError("a bug"), TypeError("a bug")):
         assert not is_mistake(error)
-        with pytest.raises(type(error)), mistakes_reported(FLAGS):
+        with pytest.raises(type(error)), report_mistakes(FLAGS):
             raise error

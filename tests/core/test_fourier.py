@@ -16,6 +16,7 @@ REAL, COMPLEX = torch.rand(3, 6, 8), torch.rand(3, 6, 5, dtype=torch.complex64)
     [
         ("rfft", REAL, {"dim": -2}),
         ("rfft", REAL, {"dim": -1, "norm": "ortho"}),
+        ("rfft", REAL[:, :1], {"dim": -1}),
         ("irfft", COMPLEX, {"n": 8, "dim": -1}),
         ("fft", REAL, {"dim": -2}),
         ("fft2", REAL, {"norm": "ortho"}),

@@ -162,3 +162,12 @@ def test_gradient_flows_through_the_torch_path():
 def test_bad_arguments_are_named(shape, angles):
     with pytest.raises(DeepringError, match="radon"):
         radon(torch.zeros(shape), angles=angles)
+
+
+def test_half_a_turn_is_the_first_half_of_a_full_one():
+    image = torch.rand(3, 20, 20)
+    full, half = radon(image, 24, 18), radon(image, 12, 18, theta_range="half")
+    assert torch.equal(half, full[:, :12])
+    assert radon(image, 11, 18, theta_range="half").shape == (3, 11, 18)  # odd is no trouble here
+    gradient = image.clone().requires_grad_()
+    assert torch.allclose(radon(gradient, 12, 18, theta_range="half"), half, atol=1e-5)

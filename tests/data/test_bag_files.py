@@ -40,7 +40,7 @@ def test_layouts_survive_the_bag(kind, tmp_path):
 @every_kind
 def test_of_several_topics_one_is_named(kind, tmp_path):
     path = write_bag(tmp_path, kind, {"/left": CLOUDS[:2], "/right": CLOUDS[2:4], "/chat": ["a"]})
-    with pytest.raises(DeepringError, match=r"drive.*on /left, /right; expected the topic"):
+    with pytest.raises(DeepringError, match=r"drive.*on /left, /right; expected one topic"):
         next(bag_scans(path))
     found = [scan.points for scan in bag_scans(path, "/right")]
     assert np.array_equal(found, SCANS[2:4])

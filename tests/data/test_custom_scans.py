@@ -117,7 +117,7 @@ def test_a_sector_is_the_same_a_whole_turn_on(low, width, angle, turns):
 def test_missing_returns_are_dropped_and_nothing_left_is_a_broken_scan(reading):
     points = np.float32([[0, 0, 0], [np.nan, 1, 1], [np.inf, 0, 0], [1, 2, 3]])
     np.testing.assert_array_equal(reading(PLAIN, points), [[1, 2, 3]])
-    with pytest.raises(BrokenScanError, match=r"scan\.npy: 3 points, 0 of them returns"):
+    with pytest.raises(BrokenScanError, match=r"scan\.npy: 3 points, 0 of them valid"):
         reading(PLAIN, points[:3])
-    with pytest.raises(BrokenScanError, match=r"4 points, 1 of them returns, .* z_band, azimuth"):
+    with pytest.raises(BrokenScanError, match=r"4 points, 1 of them valid, .* z_band, azimuth"):
         reading(replace(PLAIN, range=(50, 60)), points)

@@ -139,7 +139,7 @@ def test_no_validation_gives_all_to_training(config):
     assert not dataset.has_validation
     inside = dataset.database.ground_truth[:, 0] <= 0
     assert np.array_equal(dataset.mask("train", dataset.database), inside)
-    with pytest.raises(DeepringError, match=r"data\.regions.*share is 0"):
+    with pytest.raises(DeepringError, match=r"data\.regions\.validation_share: 0"):
         dataset.retrieval("validation")
     assert PlaceDataset(config).has_validation
 
@@ -264,7 +264,9 @@ def test_messages_begin_where_the_config_stands(config):
         PlaceDataset(replace(config, split="both"), "test_data.nclt")
     nowhere = [{"disc": {"center": [5000, 5000], "radius": 10}}]
     dataset = PlaceDataset(replace(config, regions=Regions(test=nowhere)), "test_data.nclt")
-    with pytest.raises(DeepringError, match=r"^test_data\.nclt\.regions\.test: no usable scan"):
+    with pytest.raises(
+        DeepringError, match=r"^test_data\.nclt\.regions\.test: contains no usable scan"
+    ):
         dataset.retrieval("test")
 
 

@@ -75,8 +75,8 @@ def test_a_sensors_pose_may_be_written_in_several_ways(value, described, tmp_pat
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"scan": "x"}, ["scan: no known key", "scans, format, poses", "sensor_height", "drives"]),
-        ({3: "x"}, ["3: no known key"]),
+        ({"scan": "x"}, ["scan: unknown key", "scans, format, poses", "sensor_height", "drives"]),
+        ({3: "x"}, ["3: unknown key"]),
         ({"scans": 7}, ["scans: 7", "text"]),
         ({"poses": ""}, ["poses: ''"]),
         ({"scans": None}, ["scans: None"]),
@@ -110,10 +110,10 @@ def test_a_sensors_pose_may_be_written_in_several_ways(value, described, tmp_pat
         ({"drives": ["a"]}, ["drives: ['a']", "mapping"]),
         ({"drives": {7: {}}}, ["drives, a name: 7", "quotes"]),
         ({"drives": {"a": 5}}, ["drives.a: 5", "mapping"]),
-        ({"drives": {"a": {"upp": 5}}}, ["drives.a.upp: no known key"]),
+        ({"drives": {"a": {"upp": 5}}}, ["drives.a.upp: unknown key"]),
         ({"drives": {"a": {"up": 5}}}, ["drives.a.up: 5"]),
-        ({"drives": {"a": {"drives": {}}}}, ["drives.a.drives: no known key"]),
-        ({"drives": {"a": None}, "name": "b"}, ["drives.a.name: no known key"]),
+        ({"drives": {"a": {"drives": {}}}}, ["drives.a.drives: unknown key"]),
+        ({"drives": {"a": None}, "name": "b"}, ["drives.a.name: unknown key"]),
     ],
 )
 def test_a_mistake_is_one_line_with_file_key_and_value(changes, words, described):
@@ -129,21 +129,21 @@ def test_a_mistake_is_one_line_with_file_key_and_value(changes, words, described
 @pytest.mark.parametrize("key", LEAST)
 def test_a_missing_key_is_asked_for(key, described):
     path = described({name: value for name, value in LEAST.items() if name != key})
-    with pytest.raises(DeepringError, match=rf"drive\.yaml: {key}: missing; expected .*: add it"):
+    with pytest.raises(DeepringError, match=rf"drive\.yaml: {key}: missing, expected .*: add it"):
         read_drives(path)
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "None; expected a mapping"),
+        ("", "None, expected a mapping"),
         ("- a\n- b", "expected a mapping"),
-        ("just words", "'just words'; expected a mapping"),
-        ("scans: [a", "no YAML.*line 1"),
-        ("scans: a\n\tposes: b", "no YAML.*line 2"),
-        ("scans: !!python/object:os.system x", "no YAML"),
-        ("sensor_height: !!timestamp x", "no YAML"),
-        ("a: " + "[" * 1200, "no YAML"),
+        ("just words", "'just words', expected a mapping"),
+        ("scans: [a", "invalid YAML.*line 1"),
+        ("scans: a\n\tposes: b", "invalid YAML.*line 2"),
+        ("scans: !!python/object:os.system x", "invalid YAML"),
+        ("sensor_height: !!timestamp x", "invalid YAML"),
+        ("a: " + "[" * 1200, "invalid YAML"),
     ],
 )
 def test_what_is_no_mapping_is_refused(text, words, described):

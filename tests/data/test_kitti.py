@@ -172,16 +172,16 @@ def test_folders_without_what_is_needed_are_errors(tmp_path):
     with pytest.raises(DeepringError, match="no velodyne/ folder"):
         open_kitti(tmp_path)
     drive = write_drive(tmp_path / "sequences" / "00")
-    with pytest.raises(DeepringError, match="but of 00: name one"):
+    with pytest.raises(DeepringError, match="expected one of 00"):
         open_kitti(tmp_path)
-    with pytest.raises(DeepringError, match="no scans of session '07', but of 00"):
+    with pytest.raises(DeepringError, match="no scans of session '07', expected one of 00"):
         open_kitti(tmp_path, "07")
     (drive / "poses.txt").unlink()
     with pytest.raises(DeepringError, match=r"no poses\.txt and no poses/NN\.txt"):
         open_kitti(tmp_path, "00")
     for file in (drive / "velodyne").iterdir():
         file.unlink()
-    with pytest.raises(DeepringError, match=r"holds no \.bin file"):
+    with pytest.raises(DeepringError, match=r"contains no \.bin file"):
         open_kitti(tmp_path, "00")
 
 

@@ -217,7 +217,7 @@ def test_all_broken_or_no_scans_is_an_error(tmp_path):
         open_nclt(tmp_path, DATE)
     for file in scans.iterdir():
         file.unlink()
-    with pytest.raises(DeepringError, match=r"velodyne_sync holds no \.bin file"):
+    with pytest.raises(DeepringError, match=r"velodyne_sync contains no \.bin file"):
         open_nclt(tmp_path, DATE)
 
 

@@ -98,7 +98,7 @@ def test_a_reader_from_outside_is_taken_as_any_other(tmp_path, monkeypatch):
     ]
     monkeypatch.setattr(readers, "_registered", {})
     exec(compile(code, "datasets.md", "exec"), scope := {})
-    with pytest.raises(DeepringError, match=r"reader\.name: 'mine', expected a new"):
+    with pytest.raises(DeepringError, match=r"reader\.name: 'mine', expected a name other"):
         scope["register_reader"](scope["READER"])
     scans = tmp_path / "monday" / "lidar"
     scans.mkdir(parents=True)
@@ -158,16 +158,18 @@ def test_options_reach_the_opener(tmp_path):
     make_mulran(tmp_path)
     bare = open_session("mulran", tmp_path, "Sejong01", extrinsic="none", pose_tolerance=0.01)
     np.testing.assert_array_equal(bare.ground_truth, [[7, 0]])
-    with pytest.raises(DeepringError, match="option 'extrinsic' of format nclt; expected one of p"):
+    with pytest.raises(DeepringError, match="option 'extrinsic' of format nclt, expected one of p"):
         open_session("nclt", tmp_path, extrinsic="tf")
-    with pytest.raises(DeepringError, match="option 'pose_tolerance' of format kitti; expected no"):
+    with pytest.raises(DeepringError, match="option 'pose_tolerance' of format kitti, expected no"):
         open_session("kitti", tmp_path, pose_tolerance=0.1)
 
 
 def test_one_of_several_sessions_must_be_named(tmp_path):
     make_mulran(tmp_path)
     make_mulran(tmp_path, "Sejong02")
-    with pytest.raises(DeepringError, match=r"2 sessions \(Sejong01, Sejong02\): name one"):
+    with pytest.raises(
+        DeepringError, match=r"2 sessions \(Sejong01, Sejong02\), expected the name of one"
+    ):
         open_session("mulran", tmp_path)
 
 

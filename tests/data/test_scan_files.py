@@ -59,7 +59,7 @@ def test_bin_is_what_it_is_said_to_be(tmp_path):
     rows = np.column_stack([POINTS, np.ones(50)]).astype("<f4")
     rows.tofile(tmp_path / "a.bin")
     assert np.array_equal(read_scan(tmp_path / "a.bin", "kitti"), POINTS)
-    with pytest.raises(DeepringError, match="does not say what is in it"):
+    with pytest.raises(DeepringError, match="does not contain its format"):
         read_scan(tmp_path / "a.bin")
 
 
@@ -94,5 +94,5 @@ def test_folders_give_their_scans_in_order(tmp_path):
         scan_files([tmp_path / "c.npy"])
     with pytest.raises(DeepringError, match="no such file"):
         read_scan(tmp_path / "c.npy")
-    with pytest.raises(DeepringError, match=r"ending in '\.txt'"):
+    with pytest.raises(DeepringError, match=r"unknown ending '\.txt'"):
         read_scan(tmp_path / "note.txt")

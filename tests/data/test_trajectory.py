@@ -198,6 +198,6 @@ def test_the_first_row_that_is_none_is_shown(tmp_path, bad):
 def test_a_table_that_is_binary_or_missing_is_an_error(tmp_path):
     path = tmp_path / "poses.csv"
     path.write_bytes(b"\xff\xfe\x00\x9f\n")
-    for file, reason in ((path, "is no text"), (tmp_path / "none.csv", "cannot be read")):
+    for file, reason in ((path, "is not text"), (tmp_path / "none.csv", "cannot be read")):
         with pytest.raises(DeepringError, match=rf"{file.name}: {reason}.*a stamp and 2 numbers"):
             read_table(file, stamped_rows(2), ",", "a stamp and 2 numbers")

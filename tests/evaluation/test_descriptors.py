@@ -132,7 +132,7 @@ def test_the_same_descriptors_make_the_same_bytes_and_replace_a_file(path):
 
 def test_a_path_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(DeepringError, match="expected a path to write to"):
+    with pytest.raises(DeepringError, match="expected a writable path"):
         write_descriptors(tmp_path / "file" / "some.safetensors", example())
 
 
@@ -236,7 +236,7 @@ def test_an_altered_value_and_an_altered_label_are_told(path):
     ("change", "message"),
     [
         ({"stated": {"version": 1}}, "format version 1, expected 2; export them again"),
-        ({"stated": {"kind": "map"}}, "a file of the kind 'map'; expected descriptors as"),
+        ({"stated": {"kind": "map"}}, "a file of kind 'map'; expected descriptors as"),
         ({"values": {"side": "both"}}, "side: 'both', expected one of database, query"),
         ({"values": {"seconds_per_scan": -1}}, "seconds_per_scan: -1"),
         ({"values": {"made_by": "RING"}}, "made_by: 'RING', expected values by name"),
@@ -256,7 +256,7 @@ def test_contents_that_cannot_be_right_are_refused(path, change, message):
     with pytest.raises(FileError, match=message) as raised:
         read_descriptors(path)
     assert str(raised.value).startswith(f"descriptors {path}: ")
-    assert "export them again" in str(raised.value) or "give such a file" in str(raised.value)
+    assert "export them again" in str(raised.value) or "choose such a file" in str(raised.value)
 
 
 def test_files_of_earlier_versions_are_refused(path):

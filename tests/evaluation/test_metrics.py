@@ -3,6 +3,8 @@
 import doctest
 import math
 import pickle
+import statistics
+from functools import partial
 
 import numpy as np
 import pytest
@@ -175,6 +177,12 @@ def test_a_place_at_exactly_the_radius_is_right():
     assert recall_at_k(scores, distances, 1, RADIUS) == 1
 
 
+@pytest.mark.parametrize(("precision", "recall"), [(0.2, 0.4), (0.01, 0.02), (0.5, 1.0), (1, 1)])
+def test_f1_is_the_harmonic_mean_of_precision_and_recall(precision, recall):
+    found = f1_along(torch.tensor([precision]), torch.tensor([recall]))
+    assert found.item() == pytest.approx(statistics.harmonic_mean([precision, recall]))
+
+
 def test_an_accepted_unanswerable_query_costs_precision_alone():
     scores, distances = one_place([True, False], [1.0, 2.0], answerable=[True, False])
     precision, recall, thresholds = place_precision_recall(scores, distances, RADIUS)
@@ -285,6 +293,14 @@ def test_no_answerable_query_names_radius_and_counts(metric, over_queries):
     metric.update(torch.rand(over_queries, 4), torch.full((over_queries, 4), 50.0))
     with pytest.raises(DeepringError, match=rf"radius 7 m: 0 of {over_queries} queries"):
         metric.compute()
+
+
+@pytest.mark.parametrize(
+    "function", [partial(recall_at_k, k=1), place_precision_recall, max_f1, place_auc]
+)
+def test_functions_without_an_answerable_query_name_radius_and_counts(function):
+    with pytest.raises(DeepringError, match="radius 7 m: 0 of 3 queries"):
+        function(torch.rand(3, 4), torch.full((3, 4), 50.0), radius=7.0)
 
 
 @pytest.mark.filterwarnings("ignore:The ``compute`` method of metric:UserWarning")

@@ -98,7 +98,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
 
 def test_a_path_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(DeepringError, match="expected a path to write to"):
+    with pytest.raises(DeepringError, match="expected a writable path"):
         write_results(tmp_path / "file" / "results.csv", [EXAMPLE])
 
 

@@ -57,9 +57,9 @@ def test_without_the_scans_the_rest_is_shown(run, tiny_nclt, tmp_path):
     config = (run / "config.yaml").read_text().replace(str(tiny_nclt), str(tmp_path / "gone"))
     (copy / "config.yaml").write_text(config)
     text = report(copy)
-    assert "the scans are not at hand" in text
+    assert "the scans are not available" in text
     (copy / "checkpoints").unlink()
-    assert "No checkpoint lies in the run" in report(copy)
+    assert "The run holds no checkpoint" in report(copy)
 
 
 def test_what_is_no_run_is_refused(tmp_path):

@@ -53,7 +53,7 @@ def test_a_status_of_before_there_was_a_time_has_none(tmp_path):
     (folder / "status.json").write_text('{"state": "finished", "error": null, "score": 0.5}')
     assert read_run(folder).seconds is None
     (folder / "status.json").write_text('{"state": "finished", "seconds": "long"}')
-    with pytest.raises(DeepringError, match=r"status\.json: seconds 'long'; expected a number"):
+    with pytest.raises(DeepringError, match=r"status\.json: seconds: 'long', expected a number"):
         read_run(folder)
 
 
@@ -86,7 +86,7 @@ def test_failed_unfinished_and_unevaluated_runs_are_left_out_and_listed(tmp_path
     (run_folder(sweep / "d") / "results.csv").unlink()
     found = find_runs([sweep])
     assert names(found) == ["a"]
-    assert found.left_out == [
+    assert found.notes == [
         "left out: sweep/b: failed: out of memory",
         "left out: sweep/c: unfinished: still running, or killed",
         "left out: sweep/d: not evaluated (evaluate=false): no results.csv",
@@ -124,9 +124,9 @@ def test_nothing_to_show_says_what_was_expected(tmp_path):
         ("config.yaml", "{", r"config\.yaml: .*expected the config of a run"),
         ("config.yaml", "- a", r"config\.yaml: holds a list"),
         ("config.yaml", "a: ${b}", r"config\.yaml: .*expected the config"),
-        ("config.yaml", None, r"config\.yaml: .*No such file"),
+        ("config.yaml", None, r"config\.yaml: cannot be read"),
         ("results.csv", "a,b\n", r"results\.csv: header"),
-        ("versions.json", "{}", r"versions\.json: KeyError"),
+        ("versions.json", "{}", r"versions\.json: no git_commit"),
         ("status.json", "{", r"status\.json"),
     ],
 )

@@ -10,7 +10,7 @@ from deepring.errors import DeepringError
 from deepring.evaluation.results import read_results
 from deepring.experiment.status import (
     Status,
-    failure_noted,
+    note_failure,
     read_status,
     sole_worker,
     write_status,
@@ -225,6 +225,6 @@ def test_status_reads_back_and_junk_is_named(tmp_path):
 
 
 def test_a_failure_names_the_type_where_it_is_no_mistake(tmp_path):
-    with pytest.raises(ZeroDivisionError), failure_noted(tmp_path):
+    with pytest.raises(ZeroDivisionError), note_failure(tmp_path):
         _ = 1 / 0
     assert read_status(tmp_path).error == "ZeroDivisionError: division by zero"

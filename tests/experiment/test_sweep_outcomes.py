@@ -15,7 +15,7 @@ from deepring.experiment.sweep_outcomes import (
     KILLED,
     OUTCOMES,
     OutcomesFolder,
-    outcome_noted,
+    note_outcome,
     run_sweep,
 )
 
@@ -34,7 +34,7 @@ class Job:
             job=SimpleNamespace(num=self.number),
         )
         self.monkeypatch.setattr(sweep_outcomes.HydraConfig, "get", lambda: hydra)
-        with outcome_noted(lambda error: isinstance(error, DataError)):
+        with note_outcome(lambda error: isinstance(error, DataError)):
             self.attempts += 1
             work()
 

@@ -44,6 +44,6 @@ def test_what_a_kill_left_behind_is_replaced(tmp_path):
 def test_a_path_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("in the way")
     for path in (tmp_path / "file" / "a.txt", tmp_path):
-        with pytest.raises(FileError, match=r"cannot be written .* expected a path to write to"):
+        with pytest.raises(FileError, match=r"cannot be written .* expected a writable path"):
             write_whole(path, [b"x"])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file"]

@@ -35,10 +35,10 @@ FORMAT = SealedFormat(
         "tail": TensorType("uint8", ("n", ...), optional=True),
         "free.*": None,
     },
-    wanted="a box as these tests write it",
+    description="a box as these tests write it",
     remedy="pack it again",
 )
-OTHER = replace(FORMAT, kind="crate", wanted="a crate")
+OTHER = replace(FORMAT, kind="crate", description="a crate")
 HEADER = Header("one", 0.5, "a", (3, 2), {"x": [1, None]})
 
 
@@ -76,7 +76,7 @@ def refuse(path, message=None, format=FORMAT):
     text = str(raised.value)
     assert text.startswith(f"{format.kind} {path}: ")
     assert "; " in text
-    assert "pack it again" in text or "give such a file" in text or "no such file" in text
+    assert "pack it again" in text or "choose such a file" in text or "no such file" in text
     for foreign in ("Error", "HeaderTooLarge", "column", "char ", "Traceback", "invalid"):
         assert foreign not in text
     return text
@@ -154,7 +154,7 @@ def test_non_contiguous_tensors_and_gradients_are_written_as_they_read(tmp_path)
 def test_a_file_cut_short_anywhere_is_refused(folder, whole, data):
     content = whole[: data.draw(st.integers(0, len(whole) - 1))]
     (folder / "cut.box").write_bytes(content)
-    refuse(folder / "cut.box", "no whole safetensors file")
+    refuse(folder / "cut.box", "no complete safetensors file")
 
 
 def test_a_file_cut_at_its_seams_is_refused(box):
@@ -162,9 +162,9 @@ def test_a_file_cut_at_its_seams_is_refused(box):
     header = 8 + int.from_bytes(content[:8], "little")
     for length in (0, 1, 7, 8, 9, header - 1, header, header + 1, len(content) - 1):
         box.write_bytes(content[:length])
-        refuse(box, "no whole safetensors file")
+        refuse(box, "no complete safetensors file")
     box.write_bytes(content + b"\0")
-    refuse(box, "no whole safetensors file")
+    refuse(box, "no complete safetensors file")
 
 
 def test_a_flipped_bit_in_any_byte_is_refused(folder, whole):
@@ -195,7 +195,7 @@ def test_overwritten_bytes_are_refused(folder, whole, data):
 @given(st.binary(max_size=200))
 def test_any_bytes_are_refused(folder, content):
     (folder / "any.box").write_bytes(content)
-    refuse(folder / "any.box", "no whole safetensors file")
+    refuse(folder / "any.box", "no complete safetensors file")
 
 
 def test_bytes_of_tensors_are_read_where_it_is_asked_for(box):
@@ -222,7 +222,7 @@ def test_the_header_of_another_file_is_refused(box, tmp_path):
     write_sealed(tmp_path / "b.box", FORMAT, HEADER, tensors_of(4))
     stated, _ = parts_of(tmp_path / "b.box")
     put_together(box, stated, parts_of(box)[1])
-    with pytest.raises(FileError, match="other tensors than its header states"):
+    with pytest.raises(FileError, match="tensors differ from those in its header"):
         open_sealed(box, FORMAT)
 
 
@@ -236,7 +236,7 @@ def test_a_header_that_was_altered_is_told_at_once(box):
 def test_missing_files_folders_and_other_kinds_are_told(box, tmp_path):
     refuse(tmp_path / "none.box", "no such file; expected a box as these tests write it")
     refuse(tmp_path, "no such file")
-    refuse(box, "a file of the kind 'box'; expected a crate; give such a file", OTHER)
+    refuse(box, "a file of kind 'box'; expected a crate; choose such a file", OTHER)
     save_file({"x": torch.zeros(1)}, box, {"format": "pt"})
     refuse(box, "a safetensors file that deepring did not write; expected a box")
     save_file({"x": torch.zeros(1)}, box)
@@ -370,7 +370,7 @@ def test_what_the_format_has_no_place_for_is_not_written(tmp_path):
 
 def test_a_path_that_cannot_be_written_is_told(tmp_path):
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(FileError, match="expected a path to write to"):
+    with pytest.raises(FileError, match="expected a writable path"):
         write_sealed(tmp_path / "file" / "a.box", FORMAT, HEADER, tensors_of())
 
 

@@ -136,7 +136,7 @@ def saved(place_map, tmp_path):
 @pytest.mark.parametrize("cut", [0, 7, 100, -1])
 def test_files_cut_short_are_told(saved, cut):
     saved.write_bytes(saved.read_bytes()[:cut])
-    with pytest.raises(FileError, match=r"a\.map: no whole safetensors .*or build it again"):
+    with pytest.raises(FileError, match=r"a\.map: no complete safetensors .*or build it again"):
         Map.open(saved)
 
 
@@ -154,7 +154,7 @@ def test_other_versions_and_kinds_are_told(saved):
     with pytest.raises(FileError, match="format version 99, expected 3; build it again"):
         Map.open(saved)
     rewritten(saved, stated={"version": 3, "kind": "network"})
-    with pytest.raises(FileError, match="a file of the kind 'network'; expected a map"):
+    with pytest.raises(FileError, match="a file of kind 'network'; expected a map"):
         Map.open(saved)
     save_file({"a": torch.zeros(1)}, saved)
     with pytest.raises(FileError, match="that deepring did not write"):
@@ -180,13 +180,13 @@ def refused(path, message):
         ("ground_z", math.inf, "ground_z: inf"),
         ("search", 3, r"header\.search: 3, expected values by name"),
         ("search.precision", "bfloat16", "expected bfloat16 values"),
-        ("search.code", None, "places without their code"),
+        ("search.code", None, "codes: present but"),
         ("rerank.candidates", 0, r"rerank\.candidates: 0"),
         ("rerank.alignment", {}, r"header\.rerank\.alignment: lacks cells, .*blur"),
         ("thresholds", {"fit": 1.0}, r"header\.thresholds: lacks ratio"),
         ("shape", [60, 31.5], r"header\.shape\[1\]: 31\.5"),
-        ("shape", [10, 31], "as descriptors of 10 x 31 are kept"),
-        ("shape", None, "shape of their descriptors"),
+        ("shape", [10, 31], "for descriptors of 10 x 31"),
+        ("shape", None, "shape: missing"),
         ("names", ["a"], "places: 1 names"),
         ("names", [1], r"header\.names\[0\]: 1, expected text"),
         ("network", {"class": 1, "settings": []}, "network"),
@@ -209,9 +209,9 @@ def test_values_that_no_map_has_are_refused(saved, name, value, message):
         ("poses", lambda poses: poses.float(), "poses: float32"),
         ("poses", lambda poses: poses[1:], "poses: .* n = "),
         ("poses", lambda poses: poses * math.nan, "not finite"),
-        ("index.values", lambda values: values[..., 1:], "places with rows of"),
+        ("index.values", lambda values: values[..., 1:], "rows: shapes"),
         ("index.code", lambda code: code[:, 1:], "components = "),
-        ("code.basis", lambda basis: basis[1:], "a code of"),
+        ("code.basis", lambda basis: basis[1:], "code: 30 ω"),
     ],
 )
 def test_tensors_that_no_map_has_are_refused(saved, name, change, message):
@@ -222,7 +222,7 @@ def test_tensors_that_no_map_has_are_refused(saved, name, change, message):
 @pytest.mark.parametrize("name", ["index.scale", "index.values", "index.code", "code.basis"])
 def test_a_map_without_one_of_its_tensors_is_refused(saved, name):
     rewritten(saved, lacking=[name])
-    refused(saved, "places with")
+    refused(saved, "rows: shapes")
 
 
 def test_tensors_are_missed_and_unknown_ones_named(saved):

@@ -56,7 +56,7 @@ def test_other_methods_travel_as_well(tmp_path):
 def test_a_file_cut_short(written, share):
     content = written.read_bytes()
     written.write_bytes(content[: int(share * len(content))])
-    with pytest.raises(FileError, match="no whole safetensors file"):
+    with pytest.raises(FileError, match="no complete safetensors file"):
         read_network(written)
 
 

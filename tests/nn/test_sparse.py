@@ -228,7 +228,7 @@ SITE = [0, 1, 2, 3]
     [
         ("expected.*integers", torch.zeros(5, 4), {}),
         ("expected.*integers", torch.zeros(5, 3, dtype=torch.int64), {}),
-        ("at least one", torch.zeros(0, 4, dtype=torch.int64), {}),
+        ("n >= 1", torch.zeros(0, 4, dtype=torch.int64), {}),
         ("1 repeated", torch.tensor([SITE, [0, 0, 0, 0], SITE]), {}),
         (r"\[1, 0, 1\] voxels", torch.tensor([SITE, [2, 1, 2, 3]]), {}),
         (r"\[1, 0\] voxels", torch.tensor([SITE]), {"batch": 2}),
@@ -249,5 +249,5 @@ def test_misuse_is_named():
     with pytest.raises(DeepringError, match=r"wrap: 9 sectors.*even"):
         _ = Grid(sites, wrap=9).coarser
     fine, other = Grid(sites), Grid(sites).coarser[0]
-    with pytest.raises(DeepringError, match=r"onto.*stride-2"):
+    with pytest.raises(DeepringError, match=r"onto.*stride 2"):
         TransposedConv(3, 3)(SparseTensor(torch.zeros(len(other), 3), other), fine)

@@ -10,7 +10,7 @@ from deepring.rasters import RASTERS, BevRaster, Preprocessing, Raster, make_ras
 
 
 def test_a_kind_has_one_owner():
-    with pytest.raises(ConfigError, match=r"kind: 'bev' of .*Usurper, expected a name of its own"):
+    with pytest.raises(ConfigError, match=r"kind: 'bev' of .*Usurper, expected a new name"):
 
         class Usurper(Raster, kind="bev"):
             pass

@@ -272,7 +272,7 @@ def test_mistakes_are_named(tmp_path):
     with pytest.raises(DeepringError, match=r"index\.safetensors: no such file"):
         CorrelationIndex.open(tmp_path)
     (tmp_path / "note.txt").write_text("mine")
-    with pytest.raises(DeepringError, match="holds files already"):
+    with pytest.raises(DeepringError, match="a folder with files"):
         index.save(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["note.txt"]
 
@@ -290,7 +290,7 @@ def test_damaged_files_are_named(tmp_path):
     index_of(maps(4)).save(tmp_path / "other")
     shutil.copy(tmp_path / "other" / "00000.safetensors", shard)
     with pytest.raises(
-        DeepringError, match=r"00000\.safetensors: of another .* shard 0 with 5 rows"
+        DeepringError, match=r"00000\.safetensors: from another .* shard 0 with 5 rows"
     ):
         CorrelationIndex.open(tmp_path / "map")
 
@@ -322,7 +322,7 @@ def test_shards_of_equal_shapes_cannot_change_places(tmp_path):
     content = first.read_bytes()
     first.write_bytes(second.read_bytes())
     second.write_bytes(content)
-    with pytest.raises(FileError, match=r"00000\.safetensors: of another index or place in it"):
+    with pytest.raises(FileError, match=r"00000\.safetensors: from another index or position"):
         CorrelationIndex.open(folder)
 
 
@@ -331,8 +331,8 @@ def test_shards_of_equal_shapes_cannot_change_places(tmp_path):
     [
         ({"period": "long"}, r"header\.period: 'long'"),
         ({"shape": [12]}, r"header\.shape: \[12\]"),
-        ({"shape": [14, 7]}, "as descriptors of 14 x 7 are kept"),
-        ({"shape": None}, "shape of their descriptors"),
+        ({"shape": [14, 7]}, "for descriptors of 14 x 7"),
+        ({"shape": None}, "shape: missing"),
         ({"shards": [{"rows": 5}]}, "lacks digest"),
         ({"settings": {}}, r"header\.settings: lacks"),
         ({"lengths": [5]}, "header.lengths: unknown"),
@@ -349,5 +349,5 @@ def test_headers_that_no_index_has_are_refused(tmp_path, values, message):
 def test_an_index_without_all_of_its_code_is_refused(tmp_path, name):
     folder = grown(tmp_path / "map", maps(5))
     rewritten(folder / "index.safetensors", lacking=[name])
-    with pytest.raises(FileError, match="places with"):
+    with pytest.raises(FileError, match="rows: shapes"):
         CorrelationIndex.open(folder)

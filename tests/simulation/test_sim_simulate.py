@@ -132,7 +132,7 @@ def test_a_file_or_a_broken_manifest_is_refused(tmp_path):
         simulate(FEW["nclt"], file)
     folder = tmp_path / "folder"
     folder.mkdir()
-    for text, complaint in (("{", "no JSON"), ("[]", "no settings")):
+    for text, complaint in (("{", "not JSON"), ("[]", "no settings")):
         (folder / "simulation.json").write_text(text)
         with pytest.raises(DeepringError, match=complaint):
             simulate(FEW["nclt"], folder)

@@ -19,7 +19,7 @@ def test_a_batch_holds_pairs_and_its_masks_tell_places_apart():
     made = SETTINGS.training_set(some_scans(), seed=0)
     rng = np.random.default_rng(0)
     for _ in range(20):
-        scans = made.draw(rng)
+        scans = made.sample(rng)
         assert len(set(scans.tolist())) == len(scans) == 8
     batch = made[4]
     assert batch.rasters.shape == (8, 24, 4)

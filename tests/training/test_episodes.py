@@ -104,7 +104,7 @@ def test_every_scan_of_a_place_is_drawn_sooner_or_later_as_shot_and_as_query():
 def test_too_few_places_are_told_in_numbers():
     positions = np.repeat([[0.0, 0.0], [50.0, 0.0], [100.0, 0.0]], 7, axis=0)
     places = places_of(positions, EpisodeScheme())
-    with pytest.raises(DeepringError, match=r"^sampling\.ways: 24 classes.*21 scans") as caught:
+    with pytest.raises(DeepringError, match=r"^sampling\.ways: 24, .*21 scans") as caught:
         places.sample(np.random.default_rng(0))
     for part in ("only 3 places of 7 scans", "within 10 m", "beyond 20 m"):
         assert part in str(caught.value)

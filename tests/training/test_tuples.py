@@ -17,7 +17,7 @@ SETTINGS = TupleScheme(
 
 def drawn(made, count=50):
     rng = np.random.default_rng(3)
-    return [made.draw(int(query), rng) for query in rng.choice(made.queries, count)]
+    return [made.sample(int(query), rng) for query in rng.choice(made.queries, count)]
 
 
 def test_a_tuple_holds_its_place_other_places_and_yet_another():
@@ -59,7 +59,7 @@ def test_a_batch_is_the_same_whenever_it_is_drawn_and_another_seed_is_another():
 def test_hard_negatives_are_the_most_alike_of_other_places():
     made = SETTINGS.training_set(some_scans(), seed=0)
     vectors = torch.arange(48.0)[:, None]  # the most alike are the neighbours in number
-    made.learn(vectors)
+    made.vectors = vectors
     for query, *rest in drawn(made):
         negatives, other = rest[2:6], rest[6]
         apart = sorted(abs(k - query) for k in range(48) if k // 4 not in (query // 4, other // 4))
@@ -69,7 +69,7 @@ def test_hard_negatives_are_the_most_alike_of_other_places():
     # Without hard negatives nothing is learnt of them.
     plain = TupleScheme(per_batch=3, negatives=4, hard=0).training_set(some_scans(), seed=0)
     before = drawn(plain)
-    plain.learn(vectors)
+    plain.vectors = vectors
     assert all((a == b).all() for a, b in zip(before, drawn(plain), strict=True))
 
 
@@ -113,7 +113,7 @@ def test_settings_that_draw_nothing_are_refused(values, complaint):
 
 
 def test_scans_that_hold_too_little_are_refused():
-    with pytest.raises(DeepringError, match="none of 48 training scans has 9 others"):
+    with pytest.raises(DeepringError, match="none of 48 training scans has 9 other scans"):
         TupleScheme(positives=9).training_set(some_scans(), seed=0)
     with pytest.raises(DeepringError, match="no 18 of 24 training scans"):
         TupleScheme(negatives=18, hard=0).training_set(some_scans(places=6), seed=0)

@@ -1,4 +1,4 @@
-"""`deepring case-study`: why SG, and not PG, withstands rotation and translation."""
+"""`deepring case-study`: how SG and PG change with rotation and translation."""
 
 import argparse
 import math
@@ -40,7 +40,7 @@ from deepring.rasters import BevRaster
 from deepring.reports.style import save
 
 #: The columns of the summary: kind, value, header. 52.5° lies half-way between two rows.
-SHOWN: tuple[tuple[Kind, float | None, str], ...] = (
+COLUMNS: tuple[tuple[Kind, float | None, str], ...] = (
     ("translation", 5.0, "5 m"),
     ("translation", 10.0, "10 m"),
     ("translation", 20.0, "20 m"),
@@ -51,7 +51,7 @@ SHOWN: tuple[tuple[Kind, float | None, str], ...] = (
 
 
 class Source(NamedTuple):
-    """Scan files, and where each scan was taken."""
+    """Scan files, with the positions of their scans."""
 
     title: str
     format: str
@@ -65,19 +65,19 @@ def case_study_command(args: argparse.Namespace) -> None:
     """Write two figures and a CSV file, and print a summary."""
     _check(args)
     source = _source(args.paths, args.format, args.session)
-    left_out: list[str] = []
-    scans = _readable(source, args.seed, left_out)
+    complaints: list[str] = []
+    scans = _readable(source, args.seed, complaints)
     first = next(scans, None)
     if first is None:
         raise DataError(
             f"{source.title}: none of its {len(source.files)} scans can be used "
-            f"(first: {left_out[0]})"
+            f"(first: {complaints[0]})"
         )
     pair = case_pair(first[0], _motion(args), source.ground_z, args.seed)
     repeats = math.ceil(args.pairs / len(source.files))
     with progress_bar("moving scans") as progress:
-        every = chain([first], scans)
-        rows = measure(every, source.ground_z, args.pairs, repeats, args.seed, progress)
+        usable = chain([first], scans)
+        rows = measure(usable, source.ground_z, args.pairs, repeats, args.seed, progress)
     figures = {
         "case_study.png": pair_figure(pair),
         "case_study_error.png": error_figure(rows, source.title),
@@ -85,15 +85,15 @@ def case_study_command(args: argparse.Namespace) -> None:
     for name, figure in figures.items():
         save(figure, args.output / name)
     write_errors(args.output / "case_study.csv", rows)
-    _report(source, pair, rows, left_out, args.output)
+    _report(source, pair, rows, complaints, args.output)
 
 
 def _check(args: argparse.Namespace) -> None:
     reach = BevRaster().extent
     if args.translation > reach:
         raise ConfigError(
-            f"translation: {args.translation:g}, expected metres from 0 to {reach:g}, beyond "
-            "which a scan leaves its own view"
+            f"translation: {args.translation:g}, expected metres from 0 to {reach:g}; beyond that "
+            "a scan leaves its own view"
         )
     if args.output.exists() and not args.output.is_dir():
         raise FileError(f"output: {args.output} is a file, expected a folder to write to")
@@ -102,19 +102,21 @@ def _check(args: argparse.Namespace) -> None:
 def _source(paths: Sequence[Path], format: str | None, session: str | None) -> Source:
     if len(paths) == 1 and (is_drive_file(paths[0]) or not paths[0].is_file()):
         return _dataset(paths[0], format, session)
-    others = [str(path) for path in paths if not path.is_file()]
-    if others:
-        raise FileError(f"{others[0]}: is no file, expected one dataset, or scan files alone")
+    missing = [str(path) for path in paths if not path.is_file()]
+    if missing:
+        raise FileError(f"{missing[0]}: not a file, expected one dataset, or only scan files")
     formats = binary_formats()
     if format is None or format not in formats:
         raise ConfigError(
-            f"{paths[0]}: a scan file does not tell its format; give --format, one of "
+            f"{paths[0]}: a scan file without its format, expected it; give --format, one of "
             + ", ".join(formats)
         )
     if session is not None:
-        raise ConfigError(f"--session {session}: expected with a dataset's folder, not with files")
+        raise ConfigError(
+            f"--session {session}: expected only with the folder of a dataset; leave it out"
+        )
     if len({path.resolve() for path in paths}) < len(paths):
-        raise ConfigError("FILE: the same scan twice, expected scans of different places")
+        raise ConfigError("FILE: the same file twice, expected scans of different places")
     title = ", ".join(path.name for path in paths)
     scans = formats[format]
     return Source(title, format, scans.read, scans.ground_z, paths, None)
@@ -133,11 +135,11 @@ def _dataset(root: Path, format: str | None, name: str | None) -> Source:
 
 
 def _readable(
-    source: Source, seed: int, left_out: list[str]
+    source: Source, seed: int, complaints: list[str]
 ) -> Iterator[tuple[Points, Position | None]]:
-    """The scans of a dataset in random order; messages about broken ones go to ``left_out``.
+    """The scans of a dataset in random order; messages about broken ones go to ``complaints``.
 
-    Files named by hand keep their order, and a broken one is an error.
+    Scan files keep their order, and a broken one is an error.
     """
     order = list(range(len(source.files)))
     if source.positions is not None:
@@ -148,18 +150,18 @@ def _readable(
         except BrokenScanError as error:
             if source.positions is None:
                 raise
-            left_out.append(str(error))
+            complaints.append(str(error))
             continue
         yield points, None if source.positions is None else source.positions[k]
 
 
 def _points(source: Source, file: Path) -> Points:
-    """The points of a scan. Raises BrokenScanError where none of them is visible from above."""
+    """The points of a scan. Raises BrokenScanError if none of them is in the bird's-eye view."""
     points = source.read(file)
     bev = BevRaster()
     if not bev(points, source.ground_z).any():
         raise BrokenScanError(
-            f"{file}: {len(points)} points as {source.format}, none of them above the ground "
+            f"{file}: {len(points)} points as {source.format}, expected some above the ground "
             f"within {bev.extent:g} m; check the file and --format"
         )
     return points
@@ -173,24 +175,28 @@ def _motion(args: argparse.Namespace) -> Motion:
 
 
 def _report(
-    source: Source, pair: TwinPair, rows: Sequence[ErrorRow], left_out: Sequence[str], output: Path
+    source: Source,
+    pair: TwinPair,
+    rows: Sequence[ErrorRow],
+    complaints: Sequence[str],
+    output: Path,
 ) -> None:
     means = {(row.representation, row.kind, row.value): row for row in rows}
-    shown = [column for column in SHOWN if (NAMES[0], column[0], column[1]) in means]
+    columns = [column for column in COLUMNS if (NAMES[0], column[0], column[1]) in means]
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("mean error")
-    for *_, header in shown:
+    for *_, header in columns:
         table.add_column(header, justify="right")
     for name in NAMES:
-        cells = (f"{means[name, kind, value].mean:.3f}" for kind, value, _ in shown)
+        cells = (f"{means[name, kind, value].mean:.3f}" for kind, value, _ in columns)
         table.add_row(name, *cells)
     console.print(f"{source.title}: {rows[0].n} pairs, at random headings")
     console.print(table)
     metres = math.hypot(*pair.motion.shift)
     errors = ", ".join(f"{view.name} {view.error:.3f}" for view in pair.views)
     console.print(f"drawn pair   turned {pair.motion.yaw_deg:.1f}°, moved {metres:g} m: {errors}")
-    if len(shown) < len(SHOWN):
+    if len(columns) < len(COLUMNS):
         console.print("unrelated    left out: no two scans of places far enough apart")
-    if left_out:
-        console.print(f"left out     {len(left_out)} broken scans (first: {left_out[0]})")
+    if complaints:
+        console.print(f"left out     {len(complaints)} broken scans (first: {complaints[0]})")
     console.print(f"written      {output}/case_study.png, case_study_error.png, case_study.csv")

@@ -1,4 +1,4 @@
-"""The tree of commands. Parsers import nothing heavy; what does the work comes after parsing."""
+"""The tree of commands. Parsers import nothing heavy; the work is imported after parsing."""
 
 from collections.abc import Callable
 from functools import partial
@@ -17,7 +17,7 @@ class Command(NamedTuple):
     description: str = ""
     parser: type[Parser] = Parser
     epilog: Callable[[], str] | None = None
-    """Called where the help is shown."""
+    """Called when the help is printed."""
 
 
 COMMANDS = {
@@ -25,7 +25,7 @@ COMMANDS = {
         run_options.add_train,
         "train a method and evaluate it, or run a sweep (-m)",
         "Train a method and evaluate it. resume=CHECKPOINT goes on in that run's folder; -m runs "
-        "a sweep,\none job after the other or as hydra/launcher= has it.",
+        "a sweep,\none job after the other, or as hydra/launcher= says.",
         HydraParser,
         partial(run_options.config_help, "train"),
     ),
@@ -40,8 +40,7 @@ COMMANDS = {
         run_options.add_compare,
         "train and evaluate all methods",
         "Train each method on each training dataset, evaluate all methods on all test datasets, "
-        "and print the paper's Tables I and II. What has finished is skipped, what was stopped "
-        "goes on.",
+        "and print the paper's Tables I and II. Finished runs are skipped, interrupted ones go on.",
         MixedParser,
         lambda: (
             "Lists are separated by commas, without spaces. KEY=VALUE are further Hydra overrides, "
@@ -51,8 +50,7 @@ COMMANDS = {
     "score": Command(
         run_options.add_score,
         "score exported descriptors again",
-        "Look exported descriptors up again and print the rates. Neither the scans nor the "
-        "weights are needed.",
+        "Look exported descriptors up again and print the rates, without scans and weights.",
     ),
     "tables": Command(
         run_options.add_tables,
@@ -64,26 +62,26 @@ COMMANDS = {
     ),
     "case-study": Command(
         dataset_options.add_case_study,
-        "show why sinograms: SG against PG",
+        "compare sinograms (SG) with polar grams (PG)",
         "Move scans by known rotations and translations, and compare how much the DFT magnitudes "
         "of sinograms (SG) and of polar grams (PG) change.",
     ),
     "map": Command(
         place_options.add_map,
-        "build a map, show one, or set when to trust it",
-        "Build a map of a drive, show what a map holds, or set when to trust it.",
+        "build, show or calibrate a map",
+        "Build a map of a drive, show what a map holds, or calibrate when to trust it.",
     ),
     "localize": Command(
         place_options.add_localize,
-        "tell where scans were taken",
-        "Tell where scans were taken in a map: position and heading in the world of its poses, and "
+        "locate scans in a map",
+        "Locate scans in a map: position and heading in the world of its poses, and "
         "whether to trust them. Exits with 1 where a scan cannot be located.",
     ),
     "loops": Command(
         place_options.add_loops,
         "find the loop closures of a drive",
-        "Look each keyframe of a drive up among the earlier ones, and write the closures that are "
-        "trusted: OUT.g2o, a graph; OUT.tum, the keyframes' poses; and OUT.json.",
+        "Look each keyframe of a drive up among the earlier ones, and write the trusted loop "
+        "closures: OUT.g2o, a graph; OUT.tum, the keyframes' poses; and OUT.json.",
     ),
     "report": Command(
         run_options.add_report,
@@ -96,28 +94,28 @@ COMMANDS = {
         "write a trained network as one file",
         "Write a trained DeepRING as .onnx: occupancy from above (batch, n, n) float32 in, "
         "descriptors (batch, θ, ω) out; or any trained network as .safetensors, which all commands "
-        "take as a checkpoint. The file's metadata says how it was made.",
+        "take as a checkpoint. The file's metadata states how it was made.",
     ),
     "simulate": Command(
         dataset_options.add_simulate,
         "write a simulated dataset",
         "Write two sessions over one simulated world in the native layout of a dataset. An "
-        "interrupted run goes on when started again; a finished one is left alone.",
+        "interrupted run goes on when started again; a finished one is left as it is.",
         MixedParser,
         dataset_options.knobs_help,
     ),
     "data": Command(
         dataset_options.add_data,
         "check a dataset before using it",
-        "Look at a dataset before using it.",
+        "Check a dataset before using it.",
     ),
 }
 
 
-def command_line(chosen: str | None = None) -> Parser:
+def command_line(name: str | None = None) -> Parser:
     """The parser of ``deepring``, with the options of all commands.
 
-    The end of a help text that takes a look at files or packages is made for ``chosen`` alone.
+    The end of a help text that needs files or packages is made only for the command ``name``.
     """
     parser = Parser(
         "deepring",
@@ -126,9 +124,9 @@ def command_line(chosen: str | None = None) -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"deepring {__version__}")
     add = subcommands(parser)
-    for name, command in COMMANDS.items():
-        leaf = add(name, help=command.summary, description=command.description, kind=command.parser)
+    for key, command in COMMANDS.items():
+        leaf = add(key, help=command.summary, description=command.description, kind=command.parser)
         command.add_options(leaf)
-        if name == chosen and command.epilog is not None:
+        if key == name and command.epilog is not None:
             leaf.epilog = command.epilog()
     return parser

@@ -1,4 +1,4 @@
-"""`deepring compare`: train what is not trained, evaluate all, print Tables I and II."""
+"""`deepring compare`: train and evaluate all methods, and print Tables I and II."""
 
 import argparse
 import sys
@@ -10,14 +10,14 @@ from deepring.cli.main import parse, run
 from deepring.cli.train_commands import report_sweep, run_multirun
 from deepring.errors import ConfigError
 
-#: An option of the command, the key it sets, and how several values are written in a sweep.
+#: The override of each option, with the values in place of {}.
 _OPTIONS = {"train": "train={}", "seeds": "seed={}", "test": "test=[{}]"}
 
 
 def compare_command(args: argparse.Namespace) -> None:
-    """Run both sweeps and print their tables; what has finished before is skipped."""
+    """Run both sweeps and print their tables; finished runs are skipped."""
     if args.learned == args.fixed == "":
-        raise ConfigError("--learned, --fixed: both empty, expected at least one method")
+        raise ConfigError("--learned, --fixed: both empty, expected at least one method; name one")
     finished: list[Path] = []
     failed = 0
     for kind, overrides in _sweeps(args):
@@ -33,7 +33,7 @@ def compare_command(args: argparse.Namespace) -> None:
 
 
 def _sweeps(args: argparse.Namespace) -> Iterator[tuple[str, list[str]]]:
-    """The kinds of sweep to run, and the overrides that the options make of each."""
+    """The kinds of sweep to run, with the overrides of their options."""
     for kind in ("fixed", "learned"):
         methods = getattr(args, kind)
         if methods == "":

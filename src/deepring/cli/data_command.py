@@ -1,4 +1,4 @@
-"""`deepring data check`: is this download usable?"""
+"""`deepring data check`: whether a download can be used."""
 
 import argparse
 import sys
@@ -9,7 +9,7 @@ from deepring.progress import progress_bar
 
 
 def data_command(args: argparse.Namespace) -> None:
-    """Print what each session holds; exit with 1 where a session or a scan cannot be used."""
+    """Print what each session holds; exit with 1 if a session or a scan cannot be used."""
     with progress_bar("reading scans") as bar:
         reports = check(args.root, args.format, args.session, bar)
     print("\n".join(report_lines(reports)))

@@ -10,8 +10,10 @@ def add_simulate(parser: Parser) -> None:
     """``deepring simulate nclt|mulran -o FOLDER [KNOB=VALUE ...]``."""
     parser.add_argument("dataset", choices=("nclt", "mulran"))
     add_output(parser, "FOLDER", "the dataset's folder")
-    parser.add_argument("--seed", type=whole(0), default=0, help="of the world (%(default)s)")
-    parser.add_argument("--workers", type=whole(1), default=2, help="processes (%(default)s)")
+    parser.add_argument("--seed", type=whole(0), default=0, help="seed of the world (%(default)s)")
+    parser.add_argument(
+        "--workers", type=whole(1), default=2, help="number of processes (%(default)s)"
+    )
     parser.add_argument("knobs", nargs="*", metavar="KNOB=VALUE")
     parser.runs("deepring.cli.simulate_command:simulate_command")
 
@@ -31,11 +33,11 @@ def add_data(parser: Parser) -> None:
         "check",
         help="read every scan of a dataset and report",
         description="Read every scan of a dataset, and report what each session holds. Exits "
-        "with 1 where a session or a scan cannot be used.",
+        "with 1 if a session or a scan cannot be used.",
     )
     checker.add_argument("root", type=Path, metavar="FOLDER")
     add_format(checker)
-    add_session(checker, "one session only")
+    add_session(checker, "check only this session")
     checker.runs("deepring.cli.data_command:data_command")
 
 
@@ -48,15 +50,21 @@ def add_case_study(parser: Parser) -> None:
         metavar="DATASET | FILE",
         help="a dataset's folder or drive.yaml, or scan files of different places (with --format)",
     )
-    add_session(parser, "of the dataset (the first)")
+    add_session(parser, "session of the dataset (the first)")
     add_format(parser)
     parser.add_argument(
-        "--pairs", type=whole(1), default=64, help="of the error curves (%(default)s)"
+        "--pairs",
+        type=whole(1),
+        default=64,
+        help="pairs of scans in the error curves (%(default)s)",
     )
-    parser.add_argument("--seed", type=whole(0), default=0, help="(%(default)s)")
-    add_metres(parser, "--translation", 10.0, "of the drawn pair")
+    parser.add_argument("--seed", type=whole(0), default=0, help="random seed (%(default)s)")
+    add_metres(parser, "--translation", 10.0, "metres between the pair in the figure")
     parser.add_argument(
-        "--rotation", type=number(unit="degrees"), metavar="DEG", help="of the drawn pair (random)"
+        "--rotation",
+        type=number(unit="degrees"),
+        metavar="DEG",
+        help="turn of the pair in the figure (random)",
     )
     parser.add_argument(
         "-o",

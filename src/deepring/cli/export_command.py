@@ -15,7 +15,9 @@ def export_command(args: argparse.Namespace) -> None:
     elif args.output.suffix == ".onnx":
         _export_onnx(args)
     else:
-        raise ConfigError(f"output: {args.output}, expected a name in .onnx or .safetensors")
+        raise ConfigError(
+            f"output: {args.output}, expected a name that ends in .onnx or .safetensors"
+        )
 
 
 def _export_weights(args: argparse.Namespace) -> None:

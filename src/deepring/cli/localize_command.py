@@ -1,4 +1,4 @@
-"""`deepring localize`: where scans were taken, as a table, JSON lines or CSV."""
+"""`deepring localize`: positions of scans in a map, as a table, JSON lines or CSV."""
 
 import argparse
 import csv
@@ -15,7 +15,7 @@ import numpy as np
 from rich.table import Table
 
 from deepring.cli.console import console
-from deepring.cli.mistakes import told
+from deepring.cli.mistakes import error_message
 from deepring.data.readers import open_session
 from deepring.data.readers.custom.drive_file import is_drive_file
 from deepring.data.scans.bag_files import bag_scans, is_bag
@@ -26,7 +26,7 @@ from deepring.localization.location import Location
 from deepring.localization.map import Map
 from deepring.progress import progress_bar
 
-#: A row: the scan's file, its stamp (ns) where a bag holds it, and where it was taken.
+#: A row: file and stamp (ns) of a scan, if it has one, and its location.
 Row = dict[str, Any]
 
 
@@ -35,14 +35,14 @@ class Scan(NamedTuple):
 
     file: Path
     stamp: int | None
-    """Nanoseconds, where a bag or a drive has it."""
+    """Nanoseconds, if the bag or the drive has stamps."""
     read: Callable[[], Points]
     ground_z: float | None
-    """z of the ground in its frame, metres, where it is not the map's."""
+    """z of the ground in its frame, metres; None for the map's."""
 
 
 def localize_command(args: argparse.Namespace) -> None:
-    """Print where each scan was taken; exit with 1 where one cannot be located."""
+    """Print where each scan was taken; exit with 1 if one cannot be located."""
     files = scan_files(args.scans)
     place_map = Map.open(args.map, check=not args.unchecked)
     failures: list[str] = []
@@ -67,7 +67,7 @@ def locate(
 
     ``args`` has ``format``, ``topic``, ``every``, ``session``, ``ground_z`` and ``flags``.
     """
-    done = 0
+    count = 0
     for file in files:
         scans = scans_of(file, args)
         while True:
@@ -79,10 +79,10 @@ def locate(
             except StopIteration:
                 break
             except DeepringError as error:
-                failures.append(_named(name, stamp, told(error, args.flags)))
-            done += 1
-            # How many scans a bag holds is not known before.
-            progress(done, max(done, len(files)))
+                failures.append(_with_scan(name, stamp, error_message(error, args.flags)))
+            count += 1
+            # The number of scans in a bag is not known in advance.
+            progress(count, max(count, len(files)))
 
 
 def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
@@ -100,15 +100,15 @@ def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
         yield Scan(file, None, partial(read_scan, file, args.format), args.ground_z)
 
 
-def _named(file: Path, stamp: int | None, message: str) -> str:
-    """The message, which names the scan."""
+def _with_scan(file: Path, stamp: int | None, message: str) -> str:
+    """The message with the scan's file and stamp."""
     if str(file) in message:
         return message
     return f"{file}: {message}" if stamp is None else f"{file} at {stamp} ns: {message}"
 
 
 def print_table(rows: Sequence[Row]) -> None:
-    """Print a table to read."""
+    """Print a table."""
     table = Table(box=None, header_style="bold")
     for name in ("scan", "x m", "y m", "yaw °", "fit", "ratio", "trusted", "found by"):
         table.add_column(name, justify="left" if name in ("scan", "found by") else "right")
@@ -128,7 +128,7 @@ def print_table(rows: Sequence[Row]) -> None:
 
 
 def print_json(rows: Sequence[Row]) -> None:
-    """Print one JSON object per line; a ratio without a rival is null."""
+    """Print one JSON object per line; an infinite ratio is null."""
     for row in rows:
         finite = {
             name: None if isinstance(value, float) and math.isinf(value) else value

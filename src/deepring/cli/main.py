@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from deepring.cli.commands import COMMANDS, command_line
-from deepring.cli.mistakes import MISTAKE, mistakes_reported
+from deepring.cli.mistakes import MISTAKE, report_mistakes
 from deepring.cli.parser import load, words
 from deepring.cli.process import tune_process
 
@@ -14,24 +14,24 @@ from deepring.cli.process import tune_process
 def main(argv: Sequence[str] | None = None) -> None:
     """Entry point: run a command; a user's mistake is one line and exit status 2."""
     args = parse(sys.argv[1:] if argv is None else argv)
-    with mistakes_reported(args.flags):
+    with report_mistakes(args.flags):
         run(args)
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:
     """The arguments of a command, with ``work`` and ``flags``. Exits for help and for mistakes."""
-    chosen = argv[0] if argv else None
-    parser = command_line(chosen)
-    if chosen is None:
+    name = argv[0] if argv else None
+    parser = command_line(name)
+    if name is None:
         parser.print_help()
         sys.exit(MISTAKE)
-    if not chosen.startswith("-") and chosen not in COMMANDS:
-        parser.error(f"{chosen}: no such command, expected {words(list(COMMANDS))}")
+    if not name.startswith("-") and name not in COMMANDS:
+        parser.error(f"{name}: no such command, expected {words(list(COMMANDS))}")
     return parser.parse_args(argv)
 
 
 def run(args: argparse.Namespace) -> Any:
-    """Import what does the work, and do it. Raises the errors of the library."""
+    """Import the function that does the work, and call it. Raises the errors of the library."""
     tune_process()
     return load(args.work)(args)
 

@@ -1,4 +1,4 @@
-"""`deepring map`: build a map of a drive, show one, or set when to trust it."""
+"""`deepring map`: build a map of a drive, show one, or calibrate when to trust it."""
 
 import argparse
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ def build(args: argparse.Namespace) -> None:
     network = network_of(args.checkpoint)
     session, ground_z = open_drive(args)
     with progress_bar(f"{session.name}: describing places") as bar:
-        built = Map.build(
+        place_map = Map.build(
             session,
             network,
             args.spacing,
@@ -31,17 +31,17 @@ def build(args: argparse.Namespace) -> None:
             bar,
             search=SearchSettings(args.precision),
         )
-    built.save(args.output)
-    show(args.output, built)
+    place_map.save(args.output)
+    show(args.output, place_map)
 
 
 def info(args: argparse.Namespace) -> None:
-    """Print what a map holds, after reading every byte of it."""
+    """Print what a map holds, after a check of every byte."""
     show(args.map, Map.open(args.map, check=True))
 
 
 def calibrate_map(args: argparse.Namespace) -> None:
-    """Write the same map with thresholds that reach a precision on another drive."""
+    """Write the map with thresholds that reach a precision on another drive."""
     expect_new(args.output)
     place_map = Map.open(args.map, check=True)
     session, ground_z = open_drive(args)
@@ -65,10 +65,10 @@ def calibrate_map(args: argparse.Namespace) -> None:
 def scans_of(
     session: Session, scans: NDArray[np.int64], progress: Progress
 ) -> Iterator[tuple[Points, NDArray[np.float64]]]:
-    """Points and poses of some scans."""
-    for done, k in enumerate(scans.tolist(), start=1):
+    """Points and poses of the scans with these indices."""
+    for count, k in enumerate(scans.tolist(), start=1):
         yield session.points(k), session.poses[k]
-        progress(done, len(scans))
+        progress(count, len(scans))
 
 
 def show(path: Path, place_map: Map) -> None:

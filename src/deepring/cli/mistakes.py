@@ -8,13 +8,13 @@ from contextlib import contextmanager
 
 from deepring.errors import DeepringError
 
-#: Exit status of a user's mistake, as argparse has it.
+#: Exit status of a user's mistake, as of argparse.
 MISTAKE = 2
 
 #: Exit status after Ctrl-C.
 INTERRUPTED = 130
 
-#: What is wrong with a file, for the errors of the operating system that a user can mend.
+#: Messages for the errors of the operating system that a user can correct.
 _FILE_ERRORS = {
     errno.ENOENT: "no such file or folder",
     errno.EACCES: "no permission to read or write it",
@@ -28,19 +28,19 @@ _FILE_ERRORS = {
     errno.ENAMETOOLONG: "the name is too long",
 }
 
-#: An argument of the library in one of its messages: the first word, or in backticks.
+#: An argument in a message of the library: its first word, or a word in backticks.
 _ARGUMENT = re.compile(r"^[a-z_]+(?:\.[a-z_]+)*(?=:| =)|`([a-z_]+(?:\.[a-z_]+)*)`")
 
 
 @contextmanager
-def mistakes_reported(flags: Mapping[str, str]) -> Iterator[None]:
+def report_mistakes(flags: Mapping[str, str]) -> Iterator[None]:
     """Print a user's mistake as an error on standard error, and exit with status 2.
 
-    Mistakes are our own errors, what Hydra says about a config, and what the operating system
-    says about a file. Any other error is a bug and keeps its traceback.
+    Mistakes are our own errors, those of Hydra about a config, and those of the operating system
+    about a file. Any other error is a bug and keeps its traceback.
 
     Args:
-        flags: the flag of each argument that the library's messages may name.
+        flags: the flags of the library's arguments, by name.
     """
     try:
         yield
@@ -50,26 +50,26 @@ def mistakes_reported(flags: Mapping[str, str]) -> Iterator[None]:
     except Exception as error:
         if not is_mistake(error):
             raise
-        print(f"error: {told(error, flags)}", file=sys.stderr)
+        print(f"error: {error_message(error, flags)}", file=sys.stderr)
         sys.exit(MISTAKE)
 
 
-def told(error: Exception, flags: Mapping[str, str]) -> str:
-    """What an error says, with the flags of the arguments that it names or asks for."""
-    message = in_flags(_text(error), flags)
+def error_message(error: Exception, flags: Mapping[str, str]) -> str:
+    """The message of an error, with flags in place of the arguments that it names."""
+    message = with_flags(_text(error), flags)
     flag = flags.get(getattr(error, "argument", None) or "")
     return message if flag is None or flag in message else f"{message} ({flag})"
 
 
-def in_flags(message: str, flags: Mapping[str, str]) -> str:
+def with_flags(message: str, flags: Mapping[str, str]) -> str:
     """The message with each argument of the library replaced by its flag.
 
-    An argument is the first word before a colon or an equals sign, or any word in backticks; of
-    a dotted name the last part counts where the whole is not known.
+    An argument is the first word before a colon or an equals sign, or any word in backticks. If a
+    dotted name is unknown, its last part counts.
 
-    >>> in_flags("format: 'x', expected one of nclt, kitti", {"format": "--format"})
+    >>> with_flags("format: 'x', expected one of nclt, kitti", {"format": "--format"})
     "--format: 'x', expected one of nclt, kitti"
-    >>> in_flags("a.bag has several topics: give `topic`", {"topic": "--topic"})
+    >>> with_flags("a.bag has several topics: give `topic`", {"topic": "--topic"})
     'a.bag has several topics: give --topic'
     """
 
@@ -81,10 +81,10 @@ def in_flags(message: str, flags: Mapping[str, str]) -> str:
 
 
 def is_mistake(error: Exception) -> bool:
-    """Whether the user can mend it: an error of ours, about the config, or about a file.
+    """Whether the user can correct it: an error of ours, about the config, or about a file.
 
-    Hydra's and OmegaConf's errors are told by module, so that neither is imported: the module of
-    the error's class, and the module that raised it, since they raise plain ValueErrors too.
+    Errors of Hydra and OmegaConf are recognised by module, so that neither is imported: by the
+    module of the class, and by the module that raised it, since both also raise ValueErrors.
     """
     modules = {cls.__module__.partition(".")[0] for cls in type(error).__mro__}
     if isinstance(error, ValueError):
@@ -96,8 +96,8 @@ def _text(error: Exception) -> str:
     if isinstance(error, DeepringError):
         return str(error)
     if isinstance(error, OSError):
-        known = _FILE_ERRORS.get(error.errno or 0, error.strerror or str(error))
-        return known if error.filename is None else f"{error.filename}: {known}"
+        message = _FILE_ERRORS.get(error.errno or 0, error.strerror or str(error))
+        return message if error.filename is None else f"{error.filename}: {message}"
     return f"{error}\n{error.__cause__}" if error.__cause__ else str(error)
 
 

@@ -1,4 +1,4 @@
-"""What several commands share: which drive, which network, a file that is not there yet."""
+"""Options that several commands share: a drive, a network, a new file."""
 
 import argparse
 from pathlib import Path
@@ -15,7 +15,7 @@ FORMATS = "deepring.data.readers:reader_names"
 
 
 def add_format(
-    parser: Parser, what: str = "of the dataset, told from the folder by default"
+    parser: Parser, what: str = "format of the dataset, recognised from the folder by default"
 ) -> None:
     """``--format``, one of the dataset formats."""
     parser.add_argument(
@@ -24,10 +24,12 @@ def add_format(
 
 
 def add_drive(parser: Parser) -> None:
-    """The options that say which drive."""
-    parser.add_argument("root", type=Path, metavar="FOLDER", help="of the dataset, or a drive.yaml")
+    """The options that name a drive."""
+    parser.add_argument(
+        "root", type=Path, metavar="FOLDER", help="folder of the dataset, or a drive.yaml"
+    )
     add_format(parser)
-    add_session(parser, "which session, where the folder holds several")
+    add_session(parser, "session, if the folder holds several")
     add_ground(parser, "the drive's")
 
 
@@ -48,7 +50,7 @@ def add_ground(parser: Parser, default: str) -> None:
 
 
 def add_network(parser: Parser) -> None:
-    """The option that says which network describes the scans."""
+    """The option that names the network which describes the scans."""
     parser.add_argument(
         "--checkpoint",
         default="shipped",
@@ -62,7 +64,7 @@ def add_method(parser: Parser) -> None:
     parser.add_argument(
         "--method",
         metavar="MODULE.CLASS",
-        help="the class, where the file is of a method of your own",
+        help="class of the method, if it is your own",
     )
 
 
@@ -92,19 +94,21 @@ def open_drive(args: argparse.Namespace) -> "tuple[Session, float]":
 
 
 def network_of(checkpoint: str) -> "DeepRing":
-    """The network of a checkpoint. Raises DataError where it is another method's."""
+    """The network of a checkpoint. Raises DataError if it is of another method than DeepRING."""
     from deepring.methods.deepring import DeepRing
     from deepring.methods.network_file import load_network
 
     network = load_network(checkpoint).method
     if not isinstance(network, DeepRing):
-        raise DataError(f"checkpoint {checkpoint}: of {network.settings.label}, expected DeepRING")
+        raise DataError(
+            f"checkpoint: {checkpoint} holds {network.settings.label}, expected DeepRING"
+        )
     return network
 
 
 def expect_new(path: Path) -> None:
-    """Refuse to overwrite. Raises FileError where the path exists."""
+    """Raise FileError if the path exists, so that nothing is overwritten."""
     if path.exists():
         raise FileError(
-            f"output: {path} exists, expected a new file; nothing is overwritten: name another"
+            f"output: {path} exists, expected a new file; nothing is overwritten: name another one"
         )

@@ -1,4 +1,4 @@
-"""argparse as our commands use it: short errors, lazily imported choices, one leaf per command."""
+"""Parsers on top of argparse: short errors, lazily imported choices, one leaf per command."""
 
 import argparse
 import importlib
@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 from deepring.cli.mistakes import MISTAKE
 
-#: What argparse says, and what is said here.
+#: Messages of argparse, and our own in their place.
 _ERRORS = (
     (r"argument (.+?): invalid choice: (.+?) \(choose from (.+)\)", r"\1: \2, expected one of \3"),
     (r"argument (.+?): (.+)", r"\1: \2"),
@@ -20,23 +20,23 @@ _ERRORS = (
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that knows which function does the work, and the flag of each of its arguments."""
+    """A parser that knows the function that does the work, and the flags of its arguments."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self.flags: dict[str, str] = {}
         super().__init__(*args, **kwargs | {"allow_abbrev": False})
 
     def add_argument(self, *args: Any, **kwargs: Any) -> argparse.Action:
-        """As argparse's; a flag is remembered under its argument's name."""
+        """Add an argument, as argparse does, and remember its flag."""
         action = super().add_argument(*args, **kwargs)
         if action.option_strings:
             self.flags[action.dest] = action.option_strings[-1]
         return action
 
     def runs(self, work: str, **flags: str) -> None:
-        """Say what does the work: ``module:function``, imported after parsing.
+        """Set the function that does the work: ``module:function``, imported after parsing.
 
-        ``flags`` are those of arguments that the library calls by another name.
+        ``flags`` are those of arguments that have another name in the library.
         """
         self.set_defaults(work=work, flags=self.flags | flags)
 
@@ -51,12 +51,12 @@ class Parser(argparse.ArgumentParser):
 
 
 class MixedParser(Parser):
-    """A parser whose KEY=VALUE arguments may stand before, between and after options."""
+    """A parser that allows KEY=VALUE arguments before, between and after options."""
 
     _mixing = False
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As argparse's, intermixed."""
+        """Parse as argparse does, with arguments between options."""
         if self._mixing:
             return super().parse_known_args(args, namespace)
         self._mixing = True
@@ -67,10 +67,10 @@ class MixedParser(Parser):
 
 
 class HydraParser(Parser):
-    """A parser that leaves its arguments to Hydra, as ``overrides``, unless help is asked for."""
+    """A parser that leaves its arguments to Hydra, as ``overrides``, except --help."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """All arguments as they are."""
+        """Take all arguments as they are."""
         words = list(args or ())
         if {"-h", "--help"} & set(words):
             return super().parse_known_args(["--help"], namespace)
@@ -80,7 +80,7 @@ class HydraParser(Parser):
 
 
 class Names:
-    """The names that a function, ``module:function``, gives; imported when they are asked for."""
+    """The names that the function ``module:function`` returns; it is imported on first use."""
 
     def __init__(self, where: str) -> None:
         self.where = where
@@ -93,7 +93,7 @@ class Names:
 
 
 def load(where: str) -> Any:
-    """What ``module:attribute`` names."""
+    """The object at ``module:attribute``."""
     module, attribute = where.split(":")
     return getattr(importlib.import_module(module), attribute)
 
@@ -131,7 +131,7 @@ def number(least: float = -math.inf, unit: str = "") -> Callable[[str], float]:
 
 
 def subcommands(parser: Parser) -> Callable[..., Parser]:
-    """Begin a parser's subcommands: the function that adds one, by name, of a ``kind``."""
+    """Start the subcommands of a parser, and return the function that adds one."""
 
     def make(*, kind: type[Parser] = Parser, **kwargs: Any) -> Parser:
         return kind(**kwargs)

@@ -15,7 +15,7 @@ from deepring.cli.parser import Names, Parser, number, subcommands, whole
 
 BINARY_FORMATS = "deepring.data.readers:binary_formats"
 
-#: Formats that `localize` prints.
+#: Output formats of `localize`.
 FORMS = ("table", "json", "csv")
 
 
@@ -30,8 +30,8 @@ def add_map(parser: Parser) -> None:
     _add_calibrate(
         add(
             "calibrate",
-            help="set when to trust a map",
-            description="Set the thresholds of trust by a second drive in the map's world.",
+            help="calibrate when to trust a map",
+            description="Set the thresholds of trust with a second drive in the map's world.",
         )
     )
 
@@ -44,7 +44,7 @@ def _add_build(parser: Parser) -> None:
     parser.add_argument(
         "--precision",
         default="int8",
-        help="of the descriptors: float32, bfloat16 or int8 (%(default)s)",
+        help="type of the descriptors: float32, bfloat16 or int8 (%(default)s)",
     )
     parser.runs("deepring.cli.map_command:build")
 
@@ -58,9 +58,9 @@ def _add_calibrate(parser: Parser) -> None:
         type=number(0),
         default=0.99,
         metavar="SHARE",
-        help="share of the trusted locations that are right (%(default)g)",
+        help="required share of right locations among the trusted (%(default)g)",
     )
-    add_metres(parser, "--within", 2.0, "metres to the truth within which a location is right")
+    add_metres(parser, "--within", 2.0, "largest error of a right location, metres")
     add_metres(parser, "--spacing", 5.0, "metres between scans")
     parser.runs("deepring.cli.map_command:calibrate_map", metres="--within")
 
@@ -72,9 +72,12 @@ def add_localize(parser: Parser) -> None:
         "scans", type=Path, nargs="+", metavar="SCAN", help="files, folders, bags or a drive.yaml"
     )
     parser.add_argument(
-        "--format", choices=Names(BINARY_FORMATS), metavar="NAME", help="of .bin files: %(choices)s"
+        "--format",
+        choices=Names(BINARY_FORMATS),
+        metavar="NAME",
+        help="format of .bin files: %(choices)s",
     )
-    parser.add_argument("--topic", help="of a bag's point clouds, where it has several")
+    parser.add_argument("--topic", help="topic of the point clouds, if a bag has several")
     parser.add_argument(
         "--every",
         type=whole(1),
@@ -82,11 +85,17 @@ def add_localize(parser: Parser) -> None:
         metavar="N",
         help="take every N-th scan of a bag or a drive (%(default)s)",
     )
-    add_session(parser, "which drive, where drive.yaml describes several")
+    add_session(parser, "drive, if drive.yaml describes several")
     add_ground(parser, "the map's")
-    parser.add_argument("--as", dest="form", choices=FORMS, default="table", help="(%(default)s)")
     parser.add_argument(
-        "--unchecked", action="store_true", help="do not read the whole map to check it"
+        "--as",
+        dest="form",
+        choices=FORMS,
+        default="table",
+        help="output format: %(choices)s (%(default)s)",
+    )
+    parser.add_argument(
+        "--unchecked", action="store_true", help="do not check every byte of the map"
     )
     parser.runs("deepring.cli.localize_command:localize_command", binary="--format")
 
@@ -95,17 +104,17 @@ def add_loops(parser: Parser) -> None:
     """``deepring loops FOLDER -o OUT``."""
     add_drive(parser)
     add_network(parser)
-    add_output(parser, "OUT", "path of the new files, without their endings")
+    add_output(parser, "OUT", "path of the new files, without the ending")
     add_metres(parser, "--spacing", 2.0, "metres between keyframes")
-    add_metres(parser, "--recent", 50.0, "metres of path that a loop is longer than")
+    add_metres(parser, "--recent", 50.0, "shortest path of a loop, metres")
     parser.add_argument(
-        "--fit", type=number(0), default=0.32, help="least fit that is trusted (%(default)g)"
+        "--fit", type=number(0), default=0.32, help="smallest fit that is trusted (%(default)g)"
     )
     parser.add_argument(
         "--ratio",
         type=number(0),
         default=1.41,
-        help="least ratio to a contradicting fit that is trusted (%(default)g)",
+        help="smallest ratio to a contradicting fit that is trusted (%(default)g)",
     )
     parser.add_argument(
         "--refine",

@@ -9,7 +9,7 @@ from deepring.io.files import write_whole
 
 
 def report_command(args: argparse.Namespace) -> None:
-    """Write the page; without a name for it, RUN/report.html is written anew."""
+    """Write the page, by default to RUN/report.html, which is replaced."""
     if args.output is not None:
         expect_new(args.output)
     path = args.output or args.run / "report.html"

@@ -10,15 +10,15 @@ from deepring.cli.parser import Parser, number, whole
 #: Revisit radii in metres that `score` counts at, the headline first.
 RADII = "10,5,15,20,25"
 
-#: Columns of the terminal that the options of a group are wrapped to.
+#: Columns to which the options of a group are wrapped.
 _WIDTH = 100
 
 _HYDRA = """\
-KEY=VALUE sets a value, GROUP=NAME takes a file of a group, such as data.root=FOLDER or
-method=ring; ~GROUP takes none, test=[A,B] several. --cfg job prints the config that is composed,
---info config where it comes from.
+KEY=VALUE sets a value, such as data.root=FOLDER; GROUP=NAME chooses an option of a group, such
+as method=ring; ~GROUP chooses none, test=[A,B] several. --cfg job prints the composed config,
+--info config its sources.
 
-groups and their options (* by default):
+groups and their options (* is the default):
 """
 
 
@@ -46,13 +46,13 @@ def config_help(command: str) -> str:
     from deepring.experiment.config_groups import chosen_options, config_folder, group_options
 
     folder = config_folder()
-    chosen, options = chosen_options(folder, command), group_options(folder)
-    # What belongs to a method can be chosen wherever the method can.
-    groups = [group for group in options if group.partition("/")[0] in chosen]
+    defaults, options = chosen_options(folder, command), group_options(folder)
+    # The groups below method can be chosen wherever method can.
+    groups = [group for group in options if group.partition("/")[0] in defaults]
     width = max(map(len, groups)) + 2
     lines = []
     for group in groups:
-        names = [f"{name}*" if name == chosen.get(group) else name for name in options[group]]
+        names = [f"{name}*" if name == defaults.get(group) else name for name in options[group]]
         first, *rest = wrap(" ".join(names), _WIDTH - width - 2, break_long_words=False)
         lines += [f"  {group:<{width}}{first}", *(f"  {'':<{width}}{line}" for line in rest)]
     return _HYDRA + "\n".join(lines)
@@ -61,7 +61,9 @@ def config_help(command: str) -> str:
 def add_compare(parser: Parser) -> None:
     """``deepring compare [KEY=VALUE ...]``."""
     parser.add_argument(
-        "--learned", metavar="METHODS", help="of conf/method; the CPU-sized four by default"
+        "--learned",
+        metavar="METHODS",
+        help="learned methods of conf/method; the four CPU-sized ones by default",
     )
     parser.add_argument(
         "--fixed",
@@ -69,10 +71,12 @@ def add_compare(parser: Parser) -> None:
         help="methods that learn nothing; RING, RING++ and both Scan Contexts by default",
     )
     parser.add_argument(
-        "--train", metavar="DATASETS", help="to train on, one after the other; two by default"
+        "--train",
+        metavar="DATASETS",
+        help="datasets to train on, one after the other; two by default",
     )
-    parser.add_argument("--test", metavar="DATASETS", help="to test on, all; two by default")
-    parser.add_argument("--seeds", metavar="SEEDS", help="0,1 by default")
+    parser.add_argument("--test", metavar="DATASETS", help="datasets to test on; two by default")
+    parser.add_argument("--seeds", metavar="SEEDS", help="seeds; 0,1 by default")
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE")
     parser.runs("deepring.cli.compare_command:compare_command")
 
@@ -80,7 +84,7 @@ def add_compare(parser: Parser) -> None:
 def add_score(parser: Parser) -> None:
     """``deepring score FOLDER``."""
     parser.add_argument(
-        "folder", type=Path, metavar="FOLDER", help="a run's folder, or that of its descriptors"
+        "folder", type=Path, metavar="FOLDER", help="folder of a run, or of its descriptors"
     )
     parser.add_argument(
         "--radii",
@@ -107,9 +111,9 @@ def add_tables(parser: Parser) -> None:
     parser.add_argument(
         "--mix",
         action="store_true",
-        help="show runs on different data or under different protocols beside each other",
+        help="show runs with different data or protocols in the same table",
     )
-    add_output(parser, "FOLDER", "where to write (tables in the first PATH)", required=False)
+    add_output(parser, "FOLDER", "where to write (tables/ in the first PATH)", required=False)
     parser.runs("deepring.cli.tables_command:tables_command")
 
 
@@ -118,7 +122,11 @@ def add_report(parser: Parser) -> None:
     parser.add_argument("run", type=Path, metavar="RUN", help="folder of an evaluated run")
     add_output(parser, "FILE", "the new page (RUN/report.html)", required=False)
     parser.add_argument(
-        "--failures", type=whole(0), default=6, metavar="N", help="how many are drawn (%(default)s)"
+        "--failures",
+        type=whole(0),
+        default=6,
+        metavar="N",
+        help="number of failures to draw (%(default)s)",
     )
     parser.runs("deepring.cli.report_command:report_command")
 
@@ -127,12 +135,12 @@ def _add_over(parser: Parser) -> None:
     parser.add_argument(
         "--over",
         default="answerable",
-        help="the queries that recall is a share of: answerable or all (%(default)s)",
+        help="queries that count for the recall: answerable or all (%(default)s)",
     )
 
 
 def _radii(text: str) -> list[float]:
-    """Different lengths in metres, split at commas."""
+    """The radii in metres of a list with commas."""
     try:
         radii = [number(0)(part) for part in text.split(",")]
     except argparse.ArgumentTypeError:

@@ -13,7 +13,7 @@ from deepring.reports.results_table import render, render_radii
 
 
 def score_command(args: argparse.Namespace) -> None:
-    """Print the rates, and write them where asked to."""
+    """Print the rates, and write them with --output."""
     over = one_of("over", args.over, Over)
     if args.output is not None:
         expect_new(args.output)

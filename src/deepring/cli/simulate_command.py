@@ -11,7 +11,7 @@ from deepring.simulation.simulate import simulate
 
 
 def simulate_command(args: argparse.Namespace) -> None:
-    """Simulate what is not there yet, and print where it lies."""
+    """Simulate the dataset unless it exists, and print its folder."""
     knobs = dict(_parse_knob(text) for text in args.knobs)
     settings = with_knobs(preset(args.dataset, args.seed), knobs)
     with progress_bar(f"simulating {args.dataset} scans") as bar:
@@ -22,12 +22,12 @@ def simulate_command(args: argparse.Namespace) -> None:
 def _parse_knob(text: str) -> tuple[str, object]:
     """Name and value of ``NAME=VALUE``, the value in the knob's type. Raises ConfigError."""
     name, equals, value = text.partition("=")
-    known = {field.name: field for field in fields(SimulationSettings)}
-    if not equals or name not in known:
+    settings = {field.name: field for field in fields(SimulationSettings)}
+    if not equals or name not in settings:
         raise ConfigError(
-            f"{text}: no such knob, expected NAME=VALUE with a NAME of {', '.join(known)}"
+            f"{text}: not a knob, expected NAME=VALUE with a NAME of {', '.join(settings)}"
         )
-    whole = known[name].type in (int, int | None)
+    whole = settings[name].type in (int, int | None)
     try:
         return name, int(value) if whole else float(value)
     except ValueError:

@@ -27,13 +27,14 @@ from deepring.reports.table import Table, csv, latex, markdown, terminal
 def tables_command(args: argparse.Namespace) -> None:
     """Print the tables of finished runs, and write them."""
     over = one_of("over", args.over, Over)
-    found = find_runs(args.paths)
+    collection = find_runs(args.paths)
+    runs = collection.runs
     folder = args.output or args.paths[0] / "tables"
-    asked = {"mix": args.mix, "notes": found.left_out}
-    if is_comparison(found.runs):
-        _show_comparison(compare(found.runs, args.radius, over, **asked), found.runs, folder)
+    options = {"mix": args.mix, "notes": collection.notes}
+    if is_comparison(runs):
+        _show_comparison(compare(runs, args.radius, over, **options), runs, folder)
     else:
-        _show_ablation(ablation_tables(found.runs, args.radius, over, **asked), folder)
+        _show_ablation(ablation_tables(runs, args.radius, over, **options), folder)
 
 
 def _show_ablation(tables: Sequence[AblationTable], folder: Path) -> None:
@@ -47,14 +48,14 @@ def _show_ablation(tables: Sequence[AblationTable], folder: Path) -> None:
 
 
 def _show_comparison(comparison: MethodComparison, runs: Sequence[Run], folder: Path) -> None:
-    """Print the tables, and write each as it is shown, all numbers in one file, and a figure."""
+    """Print the tables, and write them, all numbers in one file, and a figure."""
     tables = shown_tables(comparison)
     console.print(terminal(list(tables.values())))
     for name, table in tables.items():
         _write_shown(name, table, folder)
     _write(folder / "comparison.csv", csv(comparison_numbers(comparison)))
-    retrieved = ((run.seed, matches) for run in runs for matches in matches_in(run.folder))
-    panels, lacking = curve_panels(comparison, retrieved)
+    matches = ((run.seed, of_case) for run in runs for of_case in matches_in(run.folder))
+    panels, lacking = curve_panels(comparison, matches)
     if panels:
         for row in lacking:
             console.print(f"no curve     {row}: no {FOLDER}/*.csv", markup=False)
@@ -69,7 +70,7 @@ def _write_shown(name: str, table: Table, folder: Path) -> None:
 
 
 def _write(path: Path, text: str) -> None:
-    """Write a file, and say where it lies."""
+    """Write a file, and print its path."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")
     console.print(f"{_WHAT[path.suffix]:<12} {path}", markup=False)

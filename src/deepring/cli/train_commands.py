@@ -1,4 +1,4 @@
-"""`deepring train` and `deepring evaluate`: Hydra composes, one function runs, a table tells."""
+"""`deepring train` and `deepring evaluate`: compose the config, run, and print the results."""
 
 import argparse
 import logging
@@ -15,7 +15,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from deepring.cli.console import console
-from deepring.cli.mistakes import INTERRUPTED, is_mistake, mistakes_reported
+from deepring.cli.mistakes import INTERRUPTED, is_mistake, report_mistakes
 from deepring.cli.process import tune_process
 from deepring.errors import ConfigError
 from deepring.evaluation.results import Result
@@ -26,16 +26,16 @@ from deepring.experiment.sweep_names import naming
 from deepring.experiment.sweep_outcomes import (
     SweepOutcomes,
     in_parallel,
-    outcome_noted,
+    note_outcome,
     run_sweep,
 )
 from deepring.progress import silence
 from deepring.reports.results_table import render, render_radii
 
-#: Options of Hydra that show something instead of running jobs.
+#: Options of Hydra that print something instead of running jobs.
 _MODES = ("--cfg", "-c", "--info", "-i", "--resolve", "--package", "--run", "-r")
 
-#: The config key of an argument that the library's messages may name.
+#: Config keys of the library's arguments, by name.
 _KEYS = {
     "format": "data.format",
     "root": "data.root",
@@ -44,7 +44,7 @@ _KEYS = {
 
 
 def train_command(args: argparse.Namespace) -> None:
-    """Train once, or run a sweep with ``-m``: one job after the other or as the launcher has it.
+    """Train once, or run a sweep with ``-m``.
 
     ``resume=CHECKPOINT`` goes on in that run's folder.
     """
@@ -65,16 +65,18 @@ def evaluate_command(args: argparse.Namespace) -> None:
 
 
 def is_sweep(arguments: Sequence[str]) -> bool:
-    """Whether the arguments ask for a sweep. Raises ConfigError where they ask for more."""
-    asked = any(argument in ("-m", "--multirun") for argument in arguments)
+    """Whether the arguments ask for a sweep. Raises ConfigError for a further mode."""
+    multirun = any(argument in ("-m", "--multirun") for argument in arguments)
     modes = [argument for argument in arguments if argument.partition("=")[0] in _MODES]
-    if asked and modes:
-        raise ConfigError(f"-m: given with {modes[0]}, which shows one config; leave one out")
-    return asked
+    if multirun and modes:
+        raise ConfigError(
+            f"-m: together with {modes[0]}, which prints one config; expected only one of the two"
+        )
+    return multirun
 
 
 def run_multirun(arguments: Sequence[str]) -> SweepOutcomes:
-    """Run the jobs of ``deepring train -m``; on Ctrl-C say how they ended, and exit."""
+    """Run the jobs of ``deepring train -m``; on Ctrl-C print their outcomes, and exit."""
     names = naming(arguments, config_folder())
     outcomes = run_sweep(lambda: _run_hydra("train", _sweep_job, [*arguments, *names]))
     if outcomes.interrupted:
@@ -96,12 +98,12 @@ def report_sweep(outcomes: SweepOutcomes) -> int:
             console.print(f"tables       deepring tables {sweep}")
         console.print(f"tensorboard  tensorboard --logdir {sweep}")
     if failed:
-        console.print("mend what is said above; the same command then goes on with what is left")
+        console.print("correct the errors above; the same command then goes on with what is left")
     return len(failed)
 
 
 def run_of(checkpoint: Path) -> Path | None:
-    """The run folder that a checkpoint lies in, None where it lies in none."""
+    """The run folder that a checkpoint lies in, or None."""
     folder = checkpoint.parent.parent
     inside = checkpoint.is_file() and (folder / "config.yaml").is_file()
     return folder.resolve() if inside else None
@@ -110,23 +112,23 @@ def run_of(checkpoint: Path) -> Path | None:
 def _run_hydra(
     name: str, task: Callable[[DictConfig], float | None], arguments: Sequence[str]
 ) -> None:
-    # DDP starts its further processes as `python argv[0] argv[1:]`.
+    # DDP starts its other processes as `python argv[0] argv[1:]`.
     sys.argv = [str(Path(__file__).with_name("ddp_process.py")), *arguments]
-    # Hydra then passes its errors on, and `main` prints them as it prints ours.
+    # With it, Hydra raises its errors, and `main` prints them like ours.
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")
     register_configs()
     hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=name)(task)()
 
 
 def _sweep_job(composed: DictConfig) -> float:
-    """One job; returns its validation score, which a search over hyperparameters maximises."""
+    """Run one job, and return its validation score, which a search maximises."""
     from deepring.experiment.sweep import run_job
 
     tune_process()
     _keep_lightning_quiet()
     _name_in_log(Path(HydraConfig.get().runtime.output_dir).name)
     score = None
-    with outcome_noted(is_mistake):
+    with note_outcome(is_mistake):
         cfg = check_config(composed)
         if in_parallel():
             silence()
@@ -135,22 +137,22 @@ def _sweep_job(composed: DictConfig) -> float:
     return math.nan if score is None else score
 
 
-@mistakes_reported(_KEYS)
+@report_mistakes(_KEYS)
 def _train(composed: DictConfig) -> None:
     cfg = check_config(composed)
     from deepring.experiment.train import train
 
     _keep_lightning_quiet()
-    trained = train(cfg, run_folder(cfg.paths.run))
-    if trained.results:
-        show(cfg.evaluation, trained.results)
+    outcome = train(cfg, run_folder(cfg.paths.run))
+    if outcome.results:
+        show(cfg.evaluation, outcome.results)
     if is_first_process():
-        if trained.checkpoint is not None:
-            console.print(f"checkpoint   {trained.checkpoint}")
-        show_folder(trained.folder)
+        if outcome.checkpoint is not None:
+            console.print(f"checkpoint   {outcome.checkpoint}")
+        show_folder(outcome.folder)
 
 
-@mistakes_reported(_KEYS)
+@report_mistakes(_KEYS)
 def _evaluate(composed: DictConfig) -> None:
     from deepring.experiment.evaluate import evaluate
     from deepring.experiment.plan import plan_evaluation
@@ -166,8 +168,8 @@ def _evaluate(composed: DictConfig) -> None:
 
 
 def _keep_lightning_quiet() -> None:
-    """Drop Lightning's tips and device lines; its warnings stay. It sets its level on import."""
-    # Lightning calls what torch has renamed; the user cannot mend that.
+    """Drop Lightning's tips and device lines, but not its warnings. Call it after the import."""
+    # Lightning calls a function that torch has renamed, which the user cannot change.
     warnings.filterwarnings("ignore", message=".*LeafSpec.*")
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
 
@@ -197,7 +199,7 @@ def show(evaluation: EvaluationSettings, results: list[Result]) -> None:
 
 
 def show_folder(folder: Path) -> None:
-    """Print where everything lies."""
+    """Print the paths of what the run wrote."""
     if (folder / "results.csv").is_file():
         console.print(f"results      {folder / 'results.csv'}")
     if (folder / "figures").is_dir():

@@ -11,9 +11,9 @@ from numba import njit
 def radon(images, cosines, sines, scale, unit, out):
     """Pixel-driven Radon transform of (b, h, h) uint8 or float32 into ``out`` (b, angles, bins).
 
-    Coordinates are in cells from the image's centre; ``scale`` is τ bins a cell, ``unit`` the
+    Coordinates are in cells from the image's centre; ``scale`` is τ bins per cell, ``unit`` the
     side of a cell. Each occupied cell is projected to its τ and shared linearly between the two
-    nearest bins. Angles beyond those of the cosines are those half a turn before, flipped in τ.
+    nearest bins. Further angles repeat those half a turn earlier, flipped in τ.
     """
     size, bins = images.shape[1], out.shape[2]
     half, mirrored = cosines.shape[0], out.shape[1] > cosines.shape[0]
@@ -23,14 +23,14 @@ def radon(images, cosines, sines, scale, unit, out):
     values = np.empty(size * size, np.float32)
     lower = np.empty(size * size, np.uint32)
     share = np.empty(size * size, np.float32)
-    # What falls to a bin and to the one above it, side by side: one place in memory a cell. A
-    # spare bin on either side takes what falls off.
+    # Contributions to a bin and to the bin above it, side by side, so that each cell writes to one
+    # place in memory. A spare bin on either side takes contributions beyond the ends.
     pairs = np.empty((bins + 2, 2), np.float32)
     for b in range(images.shape[0]):
         count = 0
         for i in range(size):
             for j in range(size):
-                # Few cells are occupied, so that the branch is foreseen.
+                # Few cells are occupied, so that the branch is predicted well.
                 if images[b, i, j] != 0:
                     xs[count] = (i - centre) * scale
                     ys[count] = (j - centre) * scale
@@ -52,8 +52,9 @@ def radon(images, cosines, sines, scale, unit, out):
 @njit(cache=True, nogil=True)
 @no_type_check  # numba compiles what is written here, not a wrapper that checks arguments
 def project(xs, ys, cosine, sine, bins, lower, share):
-    """The bin below each cell's τ, counted with a spare one at 0, and the share of the bin above.
-    Cells off the ends share nothing with a bin."""
+    """The bin below each cell's τ, with a spare bin at 0, and the share of the bin above it.
+
+    Cells beyond the ends contribute to no real bin."""
     middle, last = np.float32((bins + 1) / 2.0), np.float32(bins + 1)
     for k in range(xs.shape[0]):
         position = xs[k] * cosine + ys[k] * sine + middle

@@ -1,4 +1,4 @@
-"""Circular cross-correlation over θ and its maximum: how alike two places are (paper, Eq. 8)."""
+"""Circular cross-correlation over θ and its maximum, the similarity of places (paper, Eq. 8)."""
 
 import math
 from typing import Literal, NamedTuple
@@ -10,7 +10,7 @@ from torch import Tensor
 from deepring.core import fourier
 
 Form = Literal["paper", "published"]
-"""Eq. 8 of the paper, or what the authors' code (lus6-Jenny/RING) correlates by."""
+"""Eq. 8 of the paper, or the correlation of the authors' code (lus6-Jenny/RING)."""
 
 #: Cells (pair, θ, ω) that `magnitude_correlation_curves` holds at once: 16 MiB of float32.
 BLOCK = 2**22
@@ -28,7 +28,7 @@ class Match(NamedTuple):
 def theta_spectrum(
     descriptor: Float[Tensor, "n theta omega"],
 ) -> Complex64[Tensor, "n theta//2+1 omega"]:
-    """DFT over θ of descriptors (n, θ, ω), complex64 (n, θ // 2 + 1, ω): what a search stores.
+    """DFT over θ of descriptors (n, θ, ω), complex64 (n, θ // 2 + 1, ω), as an index stores it.
 
     >>> theta_spectrum(torch.ones(1, 4, 2))[0, :, 0]
     tensor([4.+0.j, 0.+0.j, 0.+0.j])
@@ -41,8 +41,8 @@ def correlation_curves(
 ) -> Float32[Tensor, "q d theta"]:
     """C(α) = Σ_θ Σ_ω Q(θ + α, ω) D(θ, ω) for all pairs and shifts: (q, d, θ).
 
-    By the correlation theorem: one complex product over ω for each θ-frequency, and one inverse
-    transform a pair, after the sum over ω.
+    By the correlation theorem: one complex product over ω per θ-frequency, and one inverse
+    transform per pair, after the sum over ω.
 
     Args:
         queries: (q, θ, ω) real.
@@ -64,15 +64,14 @@ def magnitude_correlation_curves(
 ) -> Float32[Tensor, "q d theta"]:
     """C(α) = Σ_ω |Σ_θ Q(θ + α, ω) D(θ, ω)| for all pairs and shifts: (q, d, θ), at least 0.
 
-    So `fast_corr` and `circorr2` of the published code (lus6-Jenny/RING): the inverse transform
-    is taken for each ω, and its magnitude before the sum over ω, where Eq. 8 sums signed values.
-    A frequency whose rows are opposed counts for a match. The sum is over the full spectrum:
+    ``fast_corr`` and ``circorr2`` of the published code (lus6-Jenny/RING) take the inverse
+    transform of each ω, and its magnitude before the sum over ω, where Eq. 8 sums signed values:
+    a frequency with rows of opposite sign raises the score. The sum is over the full spectrum:
     the half of `row_dft_magnitude` carries √2 on doubled frequencies in each factor, hence 2 in
     their product, and ω and -ω have the same curve. Constant factors of the code are left out.
 
-    A pair takes ω inverse transforms instead of one. Pairs are taken in blocks of `BLOCK` cells
-    (pair, θ, ω), one pair at least: beside the θ-spectra and the result no array exceeds them,
-    however many queries and entries there are.
+    A pair needs ω inverse transforms instead of one. Pairs are computed in blocks of `BLOCK` cells
+    (pair, θ, ω), at least one pair, which bounds the memory for any number of pairs.
 
     Args:
         queries: (q, θ, ω) real.
@@ -85,14 +84,14 @@ def magnitude_correlation_curves(
     rows, width = queries.shape[-2:]
     pairs = max(1, BLOCK // (rows * width))
     entries = torch.split(theta_spectrum(database).conj(), pairs)
-    few = torch.split(theta_spectrum(queries), max(1, pairs // max(1, len(database))))
+    batches = torch.split(theta_spectrum(queries), max(1, pairs // max(1, len(database))))
 
     def curves(
         q: Complex64[Tensor, "q frequency omega"], d: Complex64[Tensor, "d frequency omega"]
     ) -> Float32[Tensor, "q d theta"]:
         return fourier.irfft(q[:, None] * d, n=rows, dim=-2).abs().sum(dim=-1)
 
-    return torch.cat([torch.cat([curves(q, d) for d in entries], dim=1) for q in few])
+    return torch.cat([torch.cat([curves(q, d) for d in entries], dim=1) for q in batches])
 
 
 def circular_cross_correlation(
@@ -113,7 +112,7 @@ def circular_cross_correlation(
 def shift_to_turn(
     shift: Int64[Tensor, "*pairs"], rows: int, period: float = 2 * math.pi
 ) -> Float32[Tensor, "*pairs"]:
-    """Rows to the turn of the points, radians in [-period/2, period/2): entry -> query.
+    """Turn of the points from entry to query for shifts in rows, radians in [-period/2, period/2).
 
     Counter-clockwise. ``period`` is the range of θ that the rows span.
 

@@ -1,4 +1,4 @@
-"""Assertions of equivariance and invariance (paper, Eq. 2, 3, 6 and 7), for anyone's new layer."""
+"""Assertions of equivariance and invariance (paper, Eq. 2, 3, 6 and 7), for new layers."""
 
 from collections.abc import Callable
 
@@ -10,21 +10,21 @@ Map = Callable[[Tensor], Tensor]
 
 
 class EquivarianceError(AssertionError):
-    """Raised by the assertions: how far apart the two sides are (``error``, relative)."""
+    """Raised by the assertions; ``error`` is the relative difference of the two sides."""
 
     def __init__(self, claim: str, error: float, tolerance: float) -> None:
         super().__init__(f"{claim}: relative error {error:.3g}, tolerance {tolerance:.3g}")
         self.error = error
 
 
-def relative_error(actual: Shaped[Tensor, "*#n"], expected: Shaped[Tensor, "*#n"]) -> float:
-    """‖actual - expected‖ / ‖expected‖ over all elements, real or complex.
+def relative_error(actual: Shaped[Tensor, "*#n"], reference: Shaped[Tensor, "*#n"]) -> float:
+    """‖actual - reference‖ / ‖reference‖ over all elements, real or complex.
 
     >>> relative_error(torch.tensor([3.0, 0.0]), torch.tensor([2.0, 0.0]))
     0.5
     """
-    difference = torch.linalg.vector_norm((actual - expected).abs().double())
-    return float(difference / torch.linalg.vector_norm(expected.abs().double()).clamp_min(1e-30))
+    difference = torch.linalg.vector_norm((actual - reference).abs().double())
+    return float(difference / torch.linalg.vector_norm(reference.abs().double()).clamp_min(1e-30))
 
 
 def assert_equivariant(
@@ -35,7 +35,7 @@ def assert_equivariant(
     tolerance: float = 1e-5,
     claim: str = "f(g x) = g f(x)",
 ) -> float:
-    """Assert function(act_in(x)) = act_out(function(x)); returns the relative error measured.
+    """Assert function(act_in(x)) = act_out(function(x)); returns the relative error.
 
     >>> twice = lambda x: x.roll(2)
     >>> assert_equivariant(torch.relu, torch.tensor([1.0, -2.0, 3.0]), twice, twice)
@@ -55,7 +55,7 @@ def assert_invariant(
     tolerance: float = 1e-5,
     claim: str = "f(g x) = f(x)",
 ) -> float:
-    """Assert function(act_in(x)) = function(x); returns the relative error measured.
+    """Assert function(act_in(x)) = function(x); returns the relative error.
 
     >>> assert_invariant(torch.sum, torch.tensor([1.0, 2.0, 4.0]), lambda x: x.roll(1))
     0.0
@@ -72,7 +72,7 @@ def assert_theta_equivariant(
 ) -> float:
     """Assert that rolling the rows (axis -2) by ``shift`` rolls the output's by ``shift_out``.
 
-    ``shift_out`` is ``shift`` by default. A network with pooling of total stride s holds this
+    ``shift_out`` is ``shift`` by default. A network with pooling of total stride s satisfies this
     for multiples of s only.
 
     >>> ramp = torch.arange(3.0)[:, None]

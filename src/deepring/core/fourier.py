@@ -1,6 +1,6 @@
-"""The Fourier transforms of Eq. 7 and 8, of empty batches as well, which torch refuses on a CPU."""
+"""The Fourier transforms of Eq. 7 and 8, also for empty batches, which torch rejects on a CPU."""
 
-from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import torch
@@ -8,20 +8,18 @@ from jaxtyping import Shaped
 from torch import Tensor
 
 
-def _of_any_batch(name: str) -> Callable[..., Tensor]:
+def _of_any_batch(
+    name: str, values: Shaped[Tensor, "..."], **arguments: Any
+) -> Shaped[Tensor, "..."]:
     """torch.fft's function of that name; axes that it does not transform may be of length 0."""
-
-    def transform(values: Shaped[Tensor, "..."], **arguments: Any) -> Shaped[Tensor, "..."]:
-        function = getattr(torch.fft, name)
-        if values.numel():
-            return function(values, **arguments)
-        one = values.new_zeros([max(1, length) for length in values.shape])
-        batch = tuple(slice(None) if length else slice(0) for length in values.shape)
-        return function(one, **arguments)[batch]
-
-    return transform
+    function = getattr(torch.fft, name)
+    if values.numel():
+        return function(values, **arguments)
+    one = values.new_zeros([max(1, length) for length in values.shape])
+    batch = tuple(slice(None) if length else slice(0) for length in values.shape)
+    return function(one, **arguments)[batch]
 
 
-rfft, irfft = _of_any_batch("rfft"), _of_any_batch("irfft")
-fft, fft2 = _of_any_batch("fft"), _of_any_batch("fft2")
-rfft2, irfft2 = _of_any_batch("rfft2"), _of_any_batch("irfft2")
+rfft, irfft = partial(_of_any_batch, "rfft"), partial(_of_any_batch, "irfft")
+fft, fft2 = partial(_of_any_batch, "fft"), partial(_of_any_batch, "fft2")
+rfft2, irfft2 = partial(_of_any_batch, "rfft2"), partial(_of_any_batch, "irfft2")

@@ -10,7 +10,7 @@ from torch import Tensor
 from deepring.core import fourier
 from deepring.core.correlation import Match
 
-#: Under the root, so that the magnitude's gradient is finite where a spectrum vanishes.
+#: Added under the root, so that the gradient is finite where a spectrum is zero.
 EPSILON = 1e-15
 
 
@@ -20,8 +20,8 @@ def central_magnitude(
     """|2-D DFT| around frequency zero, (..., θ, r) real -> (..., size * size) float32.
 
     Orthonormal, shifted so that frequency zero lies in the middle, and cut to the ``size`` lowest
-    frequencies of either axis, which must be as long. Circular shifts along θ, and along r as
-    well, leave it unchanged. As the map is real, nearly every value comes twice.
+    frequencies of either axis, which must have that many. Circular shifts along θ and along r
+    leave it unchanged. As the map is real, nearly every value occurs twice.
 
     >>> central_magnitude(torch.ones(4, 4), size=2).round()
     tensor([0., 0., 0., 4.])
@@ -29,8 +29,8 @@ def central_magnitude(
     spectrum = fourier.fft2(feature.float(), norm="ortho")
     magnitude = (spectrum.real.square() + spectrum.imag.square() + EPSILON).sqrt()
     centred = torch.fft.fftshift(magnitude, dim=(-2, -1))
-    first, left = (length // 2 - size // 2 for length in feature.shape[-2:])
-    return centred[..., first : first + size, left : left + size].flatten(-2)
+    row, column = (length // 2 - size // 2 for length in feature.shape[-2:])
+    return centred[..., row : row + size, column : column + size].flatten(-2)
 
 
 def phase_curves(

@@ -19,7 +19,7 @@ from deepring import checks
 from deepring.errors import ConfigError, DataError
 
 ThetaRange = Literal["full", "half"]
-"""The range of θ: [0, 2π), or [0, π), beyond which R(θ + π, τ) = R(θ, -τ) repeats flipped."""
+"""The range of θ: [0, 2π), or [0, π), after which rows repeat flipped, R(θ + π, τ) = R(θ, -τ)."""
 
 
 def radon(
@@ -33,23 +33,23 @@ def radon(
 
     Values are line integrals in the unit of ``extent`` (half the image's side). A turn of the
     image by +2π k / angles (counter-clockwise) shifts the rows by +k; R(θ + π, τ) = R(θ, -τ)
-    holds exactly. What lies outside the inscribed disc is cut off at the last bin.
+    holds exactly. Cells outside the inscribed disc are cut off at the last bin.
 
-    CPU images that need no gradient take a compiled loop; CUDA and autograd take torch's
-    scatter_add. Both agree to 1e-5.
+    CPU images without gradient go through a compiled loop; CUDA and autograd through torch's
+    ``index_add``. Both agree to 1e-5.
 
     Args:
         image: (..., n, n), bool, integer or float.
-        angles: rows of θ over the turn; even over a full one, since half of it gives the rest.
+        angles: rows of θ over the range; even for a full turn, whose second half mirrors the first.
         bins: bins of τ over [-extent, extent]; n by default.
         extent: half the side of the image.
-        theta_range: θ over [0, 2π), 'full', or over [0, π), 'half', in equal steps without the end
-            point. Over half a turn a turn of the image by +π k / angles shifts the rows by +k,
-            and those that pass the end come back flipped in τ.
+        theta_range: 'full', θ over [0, 2π), or 'half', θ over [0, π), in equal steps without the
+            end point. With 'half', a turn of the image by +π k / angles shifts the rows by +k,
+            and rows that pass the end come back flipped in τ.
 
     Raises:
         DataError: images that are not square.
-        ConfigError: another theta_range, or a number of angles that cannot be had.
+        ConfigError: an unknown theta_range, or an impossible number of angles.
 
     >>> image = torch.zeros(4, 4)
     >>> image[3, 0] = 1.0  # x forward, y to the right
@@ -104,7 +104,7 @@ def _compiled(
 def _half_turn(
     batch: Float[Tensor, "batch n n"], count: int, bins: int
 ) -> Float[Tensor, "batch {count} {bins}"]:
-    """The same in plain torch: one scatter_add of all occupied cells and angles."""
+    """The same in plain torch: one ``index_add`` of all occupied cells and angles."""
     size, scale = batch.shape[-1], bins / batch.shape[-1]
     b, i, j = batch.detach().nonzero(as_tuple=True)
     centre = (size - 1) / 2
@@ -116,7 +116,7 @@ def _half_turn(
     values = batch[b, i, j] * scale
 
     rows = (b * count + torch.arange(count, device=batch.device)[:, None]) * (bins + 2)
-    # One spare bin on either side takes what falls off the ends.
+    # One spare bin on either side takes contributions beyond the ends.
     index = rows + lower.long().clamp(-1, bins - 1) + 1
     inside = (lower >= -1) & (lower < bins)
     flat = batch.new_zeros(len(batch) * count * (bins + 2))

@@ -66,12 +66,11 @@ def wrap_angle(angle: float) -> float:
 
 
 def yaw_after_turn(yaw: float, turn: float) -> float:
-    """Heading of a sensor that sees the points turned by ``turn`` against one of heading ``yaw``.
+    """Heading of a sensor that sees the points turned by ``turn``, compared with heading ``yaw``.
 
     Radians, counter-clockwise, in [-π, π). A sensor that turns left sees its surroundings turn
     right: the heading is ``yaw - turn``. The other way round, the turn of the points between two
-    headings is ``yaw_after_turn(first, second)``. This is the one place where one becomes the
-    other.
+    headings is ``yaw_after_turn(first, second)``. Only this function converts between the two.
 
     >>> yaw_after_turn(0.5, 0.25)
     0.25

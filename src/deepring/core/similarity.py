@@ -1,4 +1,4 @@
-"""Similarities without Eq. 8's search over rotations: distance and cosine (paper, Sec. VI-D)."""
+"""Similarities without the search over rotations of Eq. 8: distance, cosine (paper, Sec. VI-D)."""
 
 import torch
 import torch.nn.functional as F
@@ -11,8 +11,8 @@ def negative_distance(
 ) -> Float32[Tensor, "q d"]:
     """-‖Q - D‖ for all pairs: (q, ...) and (d, ...) -> (q, d) float32, at most 0.
 
-    Differences are taken first and squared then: the expansion into products would lose four
-    digits on descriptors of unit norm that lie close together.
+    Differences are squared directly: the expansion into products would lose four digits for
+    descriptors of unit norm that are close together.
 
     >>> import torch
     >>> negative_distance(torch.tensor([[3.0, 4.0]]), torch.zeros(2, 2))

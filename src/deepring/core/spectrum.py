@@ -1,4 +1,4 @@
-"""Magnitude spectra: translation (and rotation) leave through the phase (paper, Eq. 7)."""
+"""Magnitude spectra, which are invariant to translation, and to rotation (paper, Eq. 7)."""
 
 import torch
 from jaxtyping import Float, Float32
@@ -13,7 +13,7 @@ def row_dft_magnitude(
     """|DFT over τ| of each row: (..., θ, τ) real -> (..., θ, τ // 2 + 1), orthonormal.
 
     A circular shift of a row leaves it unchanged. Only ω >= 0 is kept, since the spectrum of a
-    real row is symmetric; the doubled frequencies are weighed by √2, so that inner products and
+    real row is symmetric; the doubled frequencies are weighted by √2, so that inner products and
     norms over this half equal those over the paper's full spectrum.
 
     >>> row = torch.tensor([[4.0, 0.0, 0.0, 0.0]])
@@ -25,7 +25,7 @@ def row_dft_magnitude(
 
 
 def _weights(bins: int) -> Float32[Tensor, " {bins}//2+1"]:
-    """√ of how often each ω >= 0 occurs in the spectrum of ``bins`` real values."""
+    """Square root of how often each ω >= 0 occurs in the spectrum of ``bins`` real values."""
     weight = torch.full((bins // 2 + 1,), 2.0**0.5)
     weight[0] = 1.0
     if bins % 2 == 0:
@@ -39,8 +39,8 @@ def standardise_spectrum(
     """Zero mean and unit deviation over the full spectrum that `row_dft_magnitude` halves.
 
     (..., θ, ω) of rows of ``bins`` values -> the same shape. Inner products over the result
-    equal those of the full spectrum standardised (RING, lus6-Jenny/RING). The weighted half's
-    own mean and deviation would be others.
+    equal those of the standardised full spectrum (RING, lus6-Jenny/RING), whose mean and
+    deviation differ from those of the weighted half.
 
     >>> rows = torch.tensor([[4.0, 0.0, 2.0], [1.0, 3.0, 0.0]])
     >>> standard = standardise_spectrum(row_dft_magnitude(rows), bins=3)
@@ -60,10 +60,10 @@ def column_dft_magnitude(
 ) -> Float32[Tensor, "*batch theta omega"]:
     """|DFT over θ| of a row magnitude, (..., θ, ω) -> (..., θ, ω): the second DFT of the 2DFT.
 
-    A circular shift of the rows, that is a turn of the scan, leaves it unchanged, so that L2
-    compares descriptors without a search (paper, Sec. VI-D, "Loss"). It follows the row-wise
-    magnitude: a 2-D DFT of the feature itself would not undo a translation, whose shift in τ
-    differs from row to row.
+    A circular shift of the rows, i.e. a turn of the scan, leaves it unchanged, so that L2
+    compares descriptors without a search (paper, Sec. VI-D, "Loss"). It takes the row-wise
+    magnitude: a 2-D DFT of the feature itself would not be invariant to a translation, whose
+    shift in τ differs from row to row.
 
     >>> rows = torch.tensor([[3.0], [1.0], [0.0], [0.0]])
     >>> column_dft_magnitude(rows).equal(column_dft_magnitude(rows.roll(1, dims=-2)))

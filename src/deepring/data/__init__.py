@@ -1,1 +1,1 @@
-"""Datasets: readers of their files, sessions, regions, scan sets and cached rasters."""
+"""Datasets: readers, sessions, regions, scan sets and cached rasters."""

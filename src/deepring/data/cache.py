@@ -1,8 +1,8 @@
-"""The raster cache: rasters on disk, keyed by everything that made them.
+"""The raster cache: rasters on disk, keyed by everything that determines them.
 
-One SQLite file holds all: its transactions make a kill in mid-write and a second process
-harmless. A row is found by the raster's settings and the scan's path, and counts only while the
-scan file has the size and time of change it had then. A BEV of 120 x 120 cells takes 1.8 kB.
+Its SQLite file tolerates a kill during a write and several processes. The key of a row is the
+raster's settings and the scan's path; a row is valid while size and modification time of the scan
+file are unchanged. A BEV of 120 x 120 cells takes 1.8 kB.
 """
 
 import hashlib
@@ -26,23 +26,23 @@ from deepring.rasters import Raster, raster_settings
 
 log = logging.getLogger(__name__)
 
-#: Raise when a change in the code changes the images that the same settings make.
+#: Increase this when a code change alters the rasters of the same settings.
 RASTER_VERSION = 1
 
-#: Rows asked for at once; SQLite takes no more than some thousand values a query.
-LOOKED_UP = 400
+#: Rows per query; SQLite accepts only a few thousand values per query.
+QUERY_ROWS = 400
 
-#: Scans a transaction: what a kill can lose, and how long a second process waits.
+#: Scans per transaction: the most that a kill loses, and that a second process waits for.
 BATCH = 64
 
 
 class RasterCache:
-    """Makes rasters of scans, or finds those made before.
+    """Rasterizes scans, or loads the rasters from disk.
 
     Args:
-        folder: where ``rasters.sqlite`` lies or will lie; made if missing. It must be on a
-            local disk where several processes share it, as SQLite demands.
-        workers: threads that rasterize; the compiled loops leave the interpreter free.
+        folder: folder of ``rasters.sqlite``, created if missing. If several processes share it, it
+            must be on a local disk, as SQLite requires.
+        workers: number of threads that rasterize; compiled loops release the interpreter lock.
     """
 
     def __init__(self, folder: Path, workers: int = 2) -> None:
@@ -52,15 +52,15 @@ class RasterCache:
     def load(
         self, scans: ScanSet, raster: Raster, progress: Progress | None = None
     ) -> tuple[ScanSet, Rasters, tuple[str, ...]]:
-        """Rasters of the scans that can be read, those scans, and the reasons of the others."""
+        """The readable scans, their rasters, and the reason for each unreadable scan."""
         keys = _keys(scans, raster)
         broken: list[str] = []
         with self._database() as database:
             rows = _find(database, keys)
             missing = [k for k, row in enumerate(rows) if row is None]
-            done = len(scans) - len(missing)
+            count = len(scans) - len(missing)
             if progress is not None:
-                progress(done, len(scans))
+                progress(count, len(scans))
             with ThreadPoolExecutor(self.workers) as pool:
                 for start in range(0, len(missing), BATCH):
                     batch = missing[start : start + BATCH]
@@ -71,13 +71,13 @@ class RasterCache:
                         else:
                             rows[k] = image
                     _store(database, [(keys[k], rows[k]) for k in batch if rows[k] is not None])
-                    done += len(batch)
+                    count += len(batch)
                     if progress is not None:
-                        progress(done, len(scans))
+                        progress(count, len(scans))
         readable = np.array([row is not None for row in rows], dtype=np.bool_)
         values = [row for row in rows if row is not None]
-        stored = np.uint8 if raster.dtype == np.bool_ else raster.dtype
-        data = np.frombuffer(bytearray().join(values), dtype=stored)
+        dtype = np.uint8 if raster.dtype == np.bool_ else raster.dtype
+        data = np.frombuffer(bytearray().join(values), dtype=dtype)
         data = data.reshape(len(values), -1 if values else 0)
         return scans.subset(readable), Rasters(data, raster), tuple(broken)
 
@@ -87,7 +87,7 @@ class RasterCache:
             self.path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FileError(
-                f"raster cache: folder {self.path.parent} cannot be made ({error.strerror}); "
+                f"raster cache: folder {self.path.parent} cannot be created ({error.strerror}); "
                 "choose another one"
             ) from error
         try:
@@ -99,27 +99,30 @@ class RasterCache:
                 yield database
         except sqlite3.Error as error:
             raise FileError(
-                f"raster cache: {self.path} is damaged, or no file of rasters, or cannot be "
-                "written; delete it, or choose another folder"
+                f"raster cache: {self.path} is damaged, not a file of rasters, or not writable; "
+                "delete it, or choose another folder"
             ) from error
 
 
 def load_rasters(
     cache: RasterCache, scans: ScanSet, raster: Raster, what: str, bar: Bar = progress_bar
 ) -> tuple[ScanSet, Rasters]:
-    """Rasters of a scan set; broken scans are left out and reported. All broken is an error."""
+    """The readable scans of a set and their rasters; logs broken scans.
+
+    Raises DataError if all scans are broken. ``what`` names the set in messages.
+    """
     with bar(what) as progress:
         readable, rasters, broken = cache.load(scans, raster, progress)
     if not len(readable):
         raise DataError(f"{what}: none of {len(scans)} scans can be read; first: {broken[0]}")
     if broken:
-        log.warning("%s: left out %d broken scans; first: %s", what, len(broken), broken[0])
+        log.warning("%s: skipped %d broken scans; first: %s", what, len(broken), broken[0])
     return readable, rasters
 
 
 @dataclass(frozen=True)
 class _Key:
-    """Key of a stored row, and the size and time of the scan file it was made of."""
+    """Key of a row, and the size and modification time of its scan file."""
 
     settings: bytes
     path: str
@@ -128,7 +131,7 @@ class _Key:
 
 
 def _keys(scans: ScanSet, raster: Raster) -> list[_Key]:
-    everything = {
+    settings = {
         "version": RASTER_VERSION,
         "reader": _decoding(scans.session),
         "raster": raster_settings(raster),
@@ -141,41 +144,41 @@ def _keys(scans: ScanSet, raster: Raster) -> list[_Key]:
         try:
             status = path.stat()
         except OSError:
-            size, changed = -1, -1  # reading it will say what is wrong
+            size, changed = -1, -1  # reading the file gives the error
         else:
             size, changed = status.st_size, status.st_mtime_ns
         turn = None if scans.turns is None else float(scans.turns[k])
         if turn not in digests:
-            settings = json.dumps({**everything, "turn": turn}, sort_keys=True).encode()
-            digests[turn] = hashlib.sha256(settings).digest()
+            text = json.dumps({**settings, "turn": turn}, sort_keys=True)
+            digests[turn] = hashlib.sha256(text.encode()).digest()
         keys.append(_Key(digests[turn], str(path), size, changed))
     return keys
 
 
 def _decoding(session: Session) -> str:
-    """Name of how a session's files are read."""
-    read = session.read
+    """Name of the way a session's files are read."""
     if session.decoding is not None:
         return session.decoding
-    name = repr(read) if is_dataclass(type(read)) else read.__qualname__
-    return f"{read.__module__}.{name}"
+    reader = session.read
+    name = repr(reader) if is_dataclass(type(reader)) else reader.__qualname__
+    return f"{reader.__module__}.{name}"
 
 
 def _find(database: sqlite3.Connection, keys: list[_Key]) -> list[bytes | None]:
-    """The rows of the keys, `LOOKED_UP` a query; None for those that are not there."""
+    """The rasters of the keys, `QUERY_ROWS` per query; None for missing or outdated ones."""
     images: list[bytes | None] = []
-    for start in range(0, len(keys), LOOKED_UP):
-        some = keys[start : start + LOOKED_UP]
-        values = ", ".join(["(?, ?)"] * len(some))
-        stored = {
+    for start in range(0, len(keys), QUERY_ROWS):
+        part = keys[start : start + QUERY_ROWS]
+        values = ", ".join(["(?, ?)"] * len(part))
+        entries = {
             (settings, path): (size, changed, image)
             for settings, path, size, changed, image in database.execute(
                 f"SELECT * FROM rasters WHERE (settings, path) IN (VALUES {values})",
-                [value for key in some for value in (key.settings, key.path)],
+                [value for key in part for value in (key.settings, key.path)],
             )
         }
-        for key in some:
-            size, changed, image = stored.get((key.settings, key.path), (None, None, None))
+        for key in part:
+            size, changed, image = entries.get((key.settings, key.path), (None, None, None))
             fresh = (size, changed) == (key.size, key.changed_ns)
             images.append(image if fresh else None)
     return images

@@ -1,4 +1,4 @@
-"""Check a data set before work starts: read every scan once and report what each session holds."""
+"""Checks a dataset: reads every scan once and reports on each session."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +12,8 @@ from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DeepringError
 from deepring.progress import Progress
 
-TIME_GAP_S = 1.0  # drives are recorded at 5 to 10 scans a second
-JUMP_M = 10.0  # between scans that follow each other
+TIME_GAP_S = 1.0  # scans come at 5 to 10 Hz
+JUMP_M = 10.0  # between consecutive scans
 
 
 @dataclass(frozen=True)
@@ -21,21 +21,24 @@ class Gaps:
     """Steps between consecutive scans that exceed a limit."""
 
     count: int = 0
-    largest: float = 0.0  # of the steps counted, in seconds or metres; 0 where there is none
+    largest: float = 0.0  # in seconds or metres; 0 without any
 
 
 @dataclass(frozen=True)
 class SessionReport:
-    """The result of checking one session. Scans without a pose or with an impossible size are
-    outside ``scans``; those that failed while being read are inside it."""
+    """The result of checking one session.
+
+    ``scans`` excludes scans without a pose or with an impossible size, and includes those that
+    failed to decode.
+    """
 
     name: str
     format: str
-    scans: int = 0  # with a pose and a possible size
-    readable: int = 0  # of these, decoded without an error
+    scans: int = 0  # with a pose and a possible file size
+    readable: int = 0  # of these, those decoded without error
     without_pose: int = 0
     bad_poses: int = 0  # pose rows dropped or out of place
-    broken: tuple[str, ...] = ()  # every file that cannot be used, with its reason
+    broken: tuple[str, ...] = ()  # every unusable file with its reason
     span_s: float | None = None  # first to last scan; None without time stamps
     path_m: float = 0.0  # sum of the planar steps between scans
     time_gaps: Gaps | None = None  # steps > 1 s; None without time stamps
@@ -45,7 +48,7 @@ class SessionReport:
 
     @property
     def usable(self) -> bool:
-        """True where some scan has a pose and can be read."""
+        """True if at least one scan has a pose and can be read."""
         return self.readable > 0
 
 
@@ -55,13 +58,12 @@ def check(
     session: str | None = None,
     progress: Progress | None = None,
 ) -> list[SessionReport]:
-    """Read every scan of the sessions in ``root``, one in memory at a time, and report on each.
+    """Read every scan in ``root``, one in memory at a time, and report on each session.
 
-    ``progress`` is called after each scan with those read of its session and their total.
-
-    ``format`` is told from the folder where it is None; ``session`` limits the check to one. A
-    session that cannot be opened gets a report with its ``problem``; a folder without any, an
-    unknown format or session raises DeepringError.
+    With None, ``format`` is detected from the folder. ``session`` limits the check to one session.
+    ``progress`` is called after each scan with the numbers of scans read and in the session. A
+    session that cannot be opened gets a report with its ``problem``. Raises DataError for a folder
+    without sessions, and ConfigError for an unknown format or session.
     """
     format = format or detect_format(root)
     names = list_sessions(format, root)
@@ -103,7 +105,7 @@ def _check_session(
 
 
 def _read_all(session: Session, progress: Progress | None) -> tuple[list[int], list[str]]:
-    """Points of each scan that can be read, and the reasons of those that cannot."""
+    """The number of points of each readable scan, and the reason for each other scan."""
     counts: list[int] = []
     broken: list[str] = []
     for index in range(len(session)):

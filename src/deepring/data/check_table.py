@@ -1,14 +1,14 @@
-"""The reports of a dataset's check as plain text."""
+"""The reports of a dataset check as plain text."""
 
 from collections.abc import Sequence
 
 from deepring.data.check import JUMP_M, TIME_GAP_S, SessionReport
 
-SHOWN = 5  # broken files named in the text
+MOST_BROKEN = 5  # broken files listed per session
 
 
 def report_lines(reports: Sequence[SessionReport]) -> list[str]:
-    """Plain text: a table with one row per session, then the defects of each, one per line."""
+    """Lines of a table with one row per session, followed by one line per defect."""
     header = ("session", "scans", "no pose", "broken", "bad poses", "time", "path", "points/scan")
     rows = [header, *(_row(report) for report in reports)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(header))]
@@ -60,7 +60,7 @@ def _details(report: SessionReport) -> list[str]:
     if report.jumps.count:
         count, largest = report.jumps.count, report.jumps.largest
         lines.append(f"{report.name}: {count} jumps > {JUMP_M:g} m, largest {largest:.1f} m")
-    lines += [f"{report.name}: broken: {reason}" for reason in report.broken[:SHOWN]]
-    if len(report.broken) > SHOWN:
-        lines.append(f"{report.name}: ... and {len(report.broken) - SHOWN} more broken files")
+    lines += [f"{report.name}: broken: {reason}" for reason in report.broken[:MOST_BROKEN]]
+    if len(report.broken) > MOST_BROKEN:
+        lines.append(f"{report.name}: ... and {len(report.broken) - MOST_BROKEN} more broken files")
     return lines

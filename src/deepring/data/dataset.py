@@ -1,4 +1,4 @@
-"""A dataset as a config states it: sessions, spacings, regions, and what to train and test on."""
+"""A dataset from its config: sessions, spacings, regions, and scans for training and test."""
 
 import logging
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Spacing:
-    """Metres between the scans that are used."""
+    """Metres between the scans in use."""
 
     database: float = 20.0
     query: float = 5.0
@@ -31,10 +31,10 @@ class Spacing:
 
 @dataclass
 class Regions:
-    """Regions in ground-truth coordinates, as `parse_region` takes them; None is everywhere.
+    """Regions in ground-truth coordinates, as for `parse_region`; None is the whole plane.
 
-    ``validation`` is cut out of ``train``; None takes the far ``validation_share`` of it along
-    its longest direction. Training keeps ``margin`` metres away from validation scans.
+    ``validation`` is a part of ``train``; None is the far ``validation_share`` of it along its
+    longest direction. Training scans are more than ``margin`` metres from validation scans.
     """
 
     train: Any = None
@@ -46,7 +46,7 @@ class Regions:
 
 @dataclass
 class DatasetConfig:
-    """One dataset. Every value is a config value: ``data.root``, ``data.database``, ..."""
+    """The config of one dataset."""
 
     name: str = "???"
     format: str = "???"
@@ -55,23 +55,22 @@ class DatasetConfig:
     query: str | None = None
     spacing: Spacing = field(default_factory=Spacing)
     regions: Regions = field(default_factory=Regions)
-    #: 'sessions': database and query are two sessions. 'revisits': one session; its first
-    #: passes are the database, passes over ground first seen revisit_apart metres of path
-    #: earlier are the queries.
+    #: 'sessions': database and query are two sessions. 'revisits': one session, with its first
+    #: passes as the database and later passes as queries, see `deepring.data.spacing.revisits`.
     split: str = "sessions"
     revisit_radius: float = 10.0
     revisit_apart: float = 100.0
-    #: z of the ground under the sensor in the scan's frame, metres; None takes the session's.
+    #: z of the ground under the sensor in the scan's frame, metres; None uses the session's value.
     ground_z: float | None = 0.0
-    #: Seed of a random turn of each query; None turns none.
+    #: Random seed of a turn of each query; None does not turn queries.
     query_turn_seed: int | None = None
-    #: Further options of the reader, such as pose_tolerance.
+    #: Further options of the reader, e.g. pose_tolerance.
     reader: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class RetrievalSet:
-    """Queries and the database they are looked up in."""
+    """Queries and the database in which they are searched."""
 
     name: str
     region: str
@@ -80,10 +79,10 @@ class RetrievalSet:
 
 
 class PlaceDataset:
-    """The sessions of a `DatasetConfig`, opened when first needed.
+    """The sessions of a `DatasetConfig`, opened on first use.
 
-    ``key`` is where the config stands, such as 'test_data.nclt': messages begin with it. Raises
-    ConfigError for a value of the config, and DataError for data, that cannot be used.
+    ``key`` is the dataset's config key in messages, e.g. 'test_data.nclt'. Raises ConfigError for
+    invalid values of the config, and DataError for unusable data.
     """
 
     def __init__(self, config: DatasetConfig, key: str = "data") -> None:
@@ -94,19 +93,19 @@ class PlaceDataset:
 
     @cached_property
     def database(self) -> Session:
-        """The session that maps are made of."""
+        """The session of the database."""
         return self._open(self.config.database)
 
     @cached_property
     def query(self) -> Session:
-        """The session that queries come from; the same one under 'revisits'."""
+        """The session of the queries; with split 'revisits', that of the database."""
         if self.config.split == "revisits":
             return self.database
         session = self._open(self.config.query)
         if session.name == self.database.name:
             raise ConfigError(
-                f"{self.key}.query: {session.name} is {self.key}.database too, and every query "
-                "would find itself; name another session, or take split 'revisits'"
+                f"{self.key}.query: {session.name} is also {self.key}.database, so that every "
+                f"query would find itself; choose another session, or {self.key}.split 'revisits'"
             )
         return session
 
@@ -116,12 +115,12 @@ class PlaceDataset:
         skipped = session.skipped
         if str(skipped):
             level = logging.WARNING if skipped.broken or skipped.without_pose else logging.INFO
-            log.log(level, "%s %s: left out %s", c.name, session.name, skipped)
+            log.log(level, "%s %s: skipped %s", c.name, session.name, skipped)
         return session
 
     @cached_property
     def _validation(self) -> Shape | None:
-        """The validation region, without regard to the training region it is cut out of."""
+        """The validation region, not yet intersected with the training region."""
         c = self.config.regions
         if c.validation is not None:
             return self._region("validation")
@@ -139,12 +138,12 @@ class PlaceDataset:
         return far_half_plane(positions[inside], c.validation_share)
 
     def _region(self, name: str) -> Region:
-        """The region that the config states; see `parse_region`."""
+        """A region of the config; see `parse_region`."""
         return parse_region(getattr(self.config.regions, name), f"{self.key}.regions.{name}")
 
     @property
     def has_validation(self) -> bool:
-        """True where some of the training region is left to validation."""
+        """True if a part of the training region is for validation."""
         return self._validation is not None
 
     def mask(self, region: str, session: Session) -> NDArray[np.bool_]:
@@ -158,19 +157,21 @@ class PlaceDataset:
         inside = train.contains(positions)
         if self._validation is None:
             if region == "validation":
-                raise ConfigError(f"{self.key}.regions: no validation split, since its share is 0")
+                raise ConfigError(
+                    f"{self.key}.regions.validation_share: 0, expected more for validation"
+                )
             return inside
         if region == "validation":
             return inside & self._validation.contains(positions)
-        every = np.concatenate([self.database.ground_truth, self.query.ground_truth])
-        validation = every[train.contains(every) & self._validation.contains(every)]
+        everywhere = np.concatenate([self.database.ground_truth, self.query.ground_truth])
+        validation = everywhere[train.contains(everywhere) & self._validation.contains(everywhere)]
         from scipy.spatial import KDTree
 
-        apart, _ = KDTree(validation).query(positions)
-        return inside & (apart > self.config.regions.margin)
+        distances, _ = KDTree(validation).query(positions)
+        return inside & (distances > self.config.regions.margin)
 
     def training(self) -> list[ScanSet]:
-        """The scans that classes are drawn from: of both sessions, in the training region."""
+        """The training scans of both sessions, in the training region."""
         sessions = [self.database]
         if self.config.split == "sessions":
             sessions.append(self.query)
@@ -180,14 +181,14 @@ class PlaceDataset:
     def retrieval(self, region: str) -> RetrievalSet:
         """Database and queries of 'validation', 'test' or 'whole'."""
         spacing = self.config.spacing
-        first = again = None
+        first = later = None
         if self.config.split == "revisits":
-            again = revisits(
+            later = revisits(
                 self.query.positions, self.config.revisit_radius, self.config.revisit_apart
             )
-            first = ~again
+            first = ~later
         database = self._scans(self.database, region, spacing.database, first)
-        query = self._scans(self.query, region, spacing.query, again, self.config.query_turn_seed)
+        query = self._scans(self.query, region, spacing.query, later, self.config.query_turn_seed)
         return RetrievalSet(self.name, region, database, query)
 
     def _scans(
@@ -206,11 +207,10 @@ class PlaceDataset:
         if not mask.any():
             c = self.config
             raise ConfigError(
-                f"{self.key}.split: the scans of session {session.name} in region {region!r} do "
-                "not split into first passes and revisits, which are within "
-                f"revisit_radius={c.revisit_radius:g} m of a scan more than "
-                f"revisit_apart={c.revisit_apart:g} m of path earlier; change these or the "
-                "region"
+                f"{self.key}.split: 'revisits', but the scans of session {session.name} in region "
+                f"{region!r} are all first passes or all revisits (within revisit_radius="
+                f"{c.revisit_radius:g} m of a scan more than revisit_apart={c.revisit_apart:g} m "
+                "of path earlier); change these values or the region"
             )
         indices = sample_by_distance(session.positions, spacing, mask)
         turns = None
@@ -222,21 +222,21 @@ class PlaceDataset:
         ground_z = session.ground_z if self.config.ground_z is None else self.config.ground_z
         if ground_z is None:
             raise ConfigError(
-                f"{self.key}.ground_z: null, but session {session.name} of {self.name} does not "
-                "say how high its sensor is; set it to z of the ground in the scans' frame, metres"
+                f"{self.key}.ground_z: null, but session {session.name} of {self.name} has no "
+                "sensor height; set it to z of the ground in the scans' frame, metres"
             )
         return ground_z
 
     def _empty(self, region: str, session: Session) -> DataError:
         low, high = session.ground_truth.min(axis=0), session.ground_truth.max(axis=0)
         return DataError(
-            f"{self.key}.regions.{region}: no usable scan of session {session.name} of {self.name} "
-            f"lies in it; its ground truth spans [{low[0]:.1f}, {low[1]:.1f}] to "
-            f"[{high[0]:.1f}, {high[1]:.1f}]; mend the region or take another session"
+            f"{self.key}.regions.{region}: contains no usable scan of session {session.name} of "
+            f"{self.name}, whose ground truth spans [{low[0]:.1f}, {low[1]:.1f}] to "
+            f"[{high[0]:.1f}, {high[1]:.1f}]; change the region or choose another session"
         )
 
 
 def distances_between(positions: NDArray[np.float64], database: ScanSet) -> torch.Tensor:
-    """Distances (q, d) float32 metres from (q, 2) world positions, taken in float64."""
+    """Distances (q, d) float32, metres, from world positions (q, 2), computed in float64."""
     offset = positions[:, None] - database.positions[None]
     return torch.from_numpy(np.hypot(offset[..., 0], offset[..., 1])).float()

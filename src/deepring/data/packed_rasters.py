@@ -1,4 +1,4 @@
-"""Rasters of many scans in memory, occupancy as single bits."""
+"""Rasters of many scans in memory, with occupancy as bits."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +12,7 @@ from deepring.rasters import Raster
 
 @dataclass(frozen=True, eq=False)
 class Rasters:
-    """Images of n scans in memory; bool images stay bit-packed until they are asked for."""
+    """Rasters of n scans in memory; bool rasters are bit-packed until they are indexed."""
 
     data: NDArray[Any]
     raster: Raster
@@ -21,17 +21,17 @@ class Rasters:
         return len(self.data)
 
     def __getitem__(self, rows: Any) -> torch.Tensor:
-        """Images (k, *raster.shape) of ``rows``: bool as uint8 0 or 1, others as stored."""
+        """Rasters (k, *raster.shape) of ``rows``; bool as uint8 0 or 1, others in their dtype."""
         return torch.from_numpy(unpack(self.data[rows], self.raster))
 
 
 def pack(image: NDArray[Any], raster: Raster) -> NDArray[Any]:
-    """Flat uint8 or raw values of one image, as stored."""
+    """One raster as flat values, bool as bits in uint8."""
     return np.packbits(image) if raster.dtype == np.bool_ else image.ravel()
 
 
 def unpack(data: NDArray[Any], raster: Raster) -> NDArray[Any]:
-    """Images (k, *shape) of stored rows (k, m)."""
+    """Rasters (k, *shape) of packed rows (k, m)."""
     if raster.dtype == np.bool_:
         data = np.unpackbits(data, axis=-1, count=int(np.prod(raster.shape)))
     return np.ascontiguousarray(data).reshape(*data.shape[:-1], *raster.shape)

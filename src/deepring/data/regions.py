@@ -1,4 +1,4 @@
-"""Regions of the ground plane: unions of discs, half-planes and polygons, in ground truth."""
+"""Regions of the ground plane: unions of discs, half-planes and polygons."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ Mask = NDArray[np.bool_]
 
 
 class Shape(Protocol):
-    """A part of the plane."""
+    """A part of the plane, in ground-truth coordinates."""
 
     def contains(self, positions: Positions) -> Mask:
         """Mask (n,) of the positions (n, 2) inside."""
@@ -30,7 +30,7 @@ class Disc:
     radius: float
 
     def contains(self, positions: Positions) -> Mask:
-        """Distance at most the radius."""
+        """True for a distance of at most the radius."""
         offset = positions - np.asarray(self.center, dtype=np.float64)
         inside: Mask = np.hypot(offset[:, 0], offset[:, 1]) <= self.radius
         return inside
@@ -44,7 +44,7 @@ class HalfPlane:
     normal: tuple[float, float]
 
     def contains(self, positions: Positions) -> Mask:
-        """Non-negative projection on the normal."""
+        """True for a non-negative projection on the normal."""
         side: Mask = (positions - np.asarray(self.point)) @ np.asarray(self.normal) >= 0
         return side
 
@@ -53,19 +53,19 @@ class HalfPlane:
 class Polygon:
     """Positions inside a closed polygon of at least three ``vertices``, the border included.
 
-    Where the border crosses itself, a position is inside when a ray from it crosses the border an
-    odd number of times.
+    If the border crosses itself, a position is inside when a ray from it crosses the border an odd
+    number of times.
     """
 
     vertices: tuple[tuple[float, float], ...]
 
     def contains(self, positions: Positions) -> Mask:
-        """Crossings of each position's ray along x, around a vertex: so UTM keeps its precision."""
+        """Counts crossings of rays along x, relative to a vertex, for the precision of UTM."""
         start = np.asarray(self.vertices, dtype=np.float64)
         start, points = start - start[0], positions[:, None] - start[0]
         end = np.roll(start, -1, axis=0)
         to_start, to_end, edge = start - points, end - points, end - start
-        with np.errstate(over="ignore", invalid="ignore"):  # positions may lie anywhere
+        with np.errstate(over="ignore", invalid="ignore"):  # positions may be anywhere
             side = to_end[..., 1] * edge[:, 0] - to_end[..., 0] * edge[:, 1]
             between = (to_start * to_end).sum(axis=-1) <= 0
         # Half-open in y, so that a ray through a vertex crosses one of its two edges.
@@ -78,7 +78,7 @@ class Polygon:
 
 @dataclass(frozen=True)
 class Region:
-    """Inside any of ``inside`` (everywhere, where empty) and inside none of ``outside``."""
+    """Positions in any shape of ``inside`` (everywhere if empty) and in none of ``outside``."""
 
     inside: tuple[Shape, ...] = ()
     outside: tuple[Shape, ...] = ()
@@ -94,12 +94,13 @@ class Region:
 
 
 def parse_region(spec: Any, name: str) -> Region:
-    """A region from plain config values; None is everywhere.
+    """A region from plain config values; None is the whole plane.
 
-    A list of ``{disc: {center: [x, y], radius: r}}``, ``{half_plane: {point: [x, y], normal:
-    [x, y]}}`` and ``{polygon: [[x, y], ...]}``, each alone or as ``{outside: SHAPE}``: the union
-    of the plain shapes (everywhere, where there is none) without the outside ones. ``name`` is
-    the config key, for the ConfigError of any other value.
+    ``spec`` is a list of ``{disc: {center: [x, y], radius: r}}``,
+    ``{half_plane: {point: [x, y], normal: [x, y]}}`` and ``{polygon: [[x, y], ...]}``,
+    each alone or as ``{outside: SHAPE}``. The region is the union of the plain
+    shapes (the whole plane if there are none) without the outside ones. Raises ConfigError, with
+    the config key ``name``, for any other value.
     """
     if spec is None:
         return Region()
@@ -136,7 +137,7 @@ def _parse_shape(spec: Any, name: str) -> Shape:
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
         pass
     raise ConfigError(
-        f"{name}: {spec!r} is no shape; expected {{disc: {{center: [x, y], radius: r > 0}}}}, "
+        f"{name}: {spec!r}, expected {{disc: {{center: [x, y], radius: r > 0}}}}, "
         "{half_plane: {point: [x, y], normal: [x, y]}}, {polygon: [[x, y], [x, y], [x, y]]}, or "
         "{outside: SHAPE}"
     )
@@ -144,7 +145,7 @@ def _parse_shape(spec: Any, name: str) -> Shape:
 
 def _pair(values: Any) -> tuple[float, float]:
     if isinstance(values, str) or not isinstance(values, Sequence):
-        raise ValueError("no list")  # the text "12" is no position (1, 2)
+        raise ValueError("not a list")  # the text "12" is not the position (1, 2)
     x, y = (float(value) for value in values)
     if not (np.isfinite(x) and np.isfinite(y)):
         raise ValueError("not finite")

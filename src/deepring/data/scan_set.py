@@ -1,4 +1,4 @@
-"""Some scans of a session, as a method is to see them."""
+"""A selection of scans of a session, prepared for a method."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,10 +13,10 @@ from deepring.rasters import Raster
 
 @dataclass(frozen=True, eq=False)
 class ScanSet:
-    """Some scans of a session, in order, as a method is to see them.
+    """A selection of scans of a session, in order.
 
     ``ground_z`` is the z of the ground under the sensor in the scan's frame (metres); ``turns``
-    (n,) radians turn each scan before it is rasterized, None leaves them as they are.
+    (n,) radians turn each scan before it is rasterized; None turns none.
     """
 
     session: Session
@@ -34,7 +34,7 @@ class ScanSet:
 
     @property
     def ground_truth(self) -> NDArray[np.float64]:
-        """Ground-truth positions (n, 2), as the dataset writes them."""
+        """Ground-truth positions (n, 2), in the dataset's coordinates."""
         return self.session.ground_truth[self.indices]
 
     @property
@@ -43,12 +43,12 @@ class ScanSet:
         return yaw_of(self.session.poses[self.indices])
 
     def subset(self, mask: NDArray[np.bool_]) -> "ScanSet":
-        """The scans where ``mask`` (n,) holds."""
+        """The scans where ``mask`` (n,) is True."""
         turns = None if self.turns is None else self.turns[mask]
         return ScanSet(self.session, self.indices[mask], self.ground_z, turns)
 
     def rasterize(self, k: int, raster: Raster) -> NDArray[Any]:
-        """Read scan ``k`` of the set and make its raster. Raises BrokenScanError."""
+        """Read and rasterize scan ``k`` of the set. Raises BrokenScanError."""
         points = self.session.points(int(self.indices[k]))
         if self.turns is not None:
             points = turn_points(points, float(self.turns[k]))

@@ -1,4 +1,4 @@
-"""A session: the scans of one drive, their stamps and poses. Points are read one scan at a time."""
+"""A session: scans, stamps and poses of one drive. Points are read one scan at a time."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -7,20 +7,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.errors import DataError
+
 Points = NDArray[np.float32]
 """(n, 3) float32, metres, in the scan's own frame: right-handed, z up."""
 
 
 @dataclass(frozen=True)
 class SkippedScans:
-    """Scans that a reader left out of a session, and why; printed, never silent."""
+    """The scans that a reader skipped, with reasons; always logged."""
 
     broken: tuple[str, ...] = ()  # files that cannot be decoded, each with its reason
-    without_pose: int = 0  # scans whose stamp lies farther than the tolerance from any pose
+    without_pose: int = 0  # scans farther than the tolerance from any pose
     bad_poses: int = 0  # pose rows with NaN or a repeated stamp (dropped), or out of order
 
     def __str__(self) -> str:
-        """One line, empty where nothing was left out."""
+        """One line, empty if nothing was skipped."""
         parts = []
         if self.broken:
             parts.append(f"{len(self.broken)} broken files (first: {self.broken[0]})")
@@ -33,13 +35,13 @@ class SkippedScans:
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """One drive: n scans with a pose each, in driving order. No points are held in memory.
+    """One drive: n scans with poses, in driving order. Points are not kept in memory.
 
     ``poses`` are (n, 4, 4) float64, world <- scan frame, world z up. ``ground_truth`` are
-    (n, 2) float64, the planar coordinates as the dataset's own ground truth writes them (NCLT:
-    north, east; MulRan: easting, northing), in which regions are stated. ``stamps`` are (n,)
-    int64 nanoseconds, or None where a dataset has none. ``read`` decodes one file and raises
-    BrokenScanError where it cannot.
+    (n, 2) float64, the planar coordinates of the dataset's own ground truth (NCLT: north, east;
+    MulRan: easting, northing), which regions refer to. ``stamps`` are (n,)
+    int64 nanoseconds, or None without time stamps. ``read`` decodes one file and raises
+    BrokenScanError if it cannot.
     """
 
     name: str
@@ -50,15 +52,15 @@ class Session:
     read: Callable[[Path], Points]
     skipped: SkippedScans = field(default_factory=SkippedScans)
     axes: tuple[str, str] = ("x", "y")  # names of the two ground-truth coordinates
-    ground_z: float | None = None  # of the ground in the scans' frame, where the session knows it
-    #: Names what ``read`` makes of a file, for the raster cache: it changes when the points do, and
-    #: not when code moves. None takes the name of the function, or the settings of the object.
+    ground_z: float | None = None  # of the ground in the scans' frame, if the session has it
+    #: Name of the decoding, for the raster cache: changes with the points of a file, but not when
+    #: code moves. None uses the name of the function, or the settings of the object.
     decoding: str | None = None
 
     def __post_init__(self) -> None:
         n = len(self.files)
         if self.poses.shape != (n, 4, 4) or self.ground_truth.shape != (n, 2):
-            raise ValueError(
+            raise DataError(
                 f"session {self.name}: {n} files, but poses {self.poses.shape} and "
                 f"ground_truth {self.ground_truth.shape}; expected (n, 4, 4) and (n, 2)"
             )
@@ -76,5 +78,5 @@ class Session:
 
     @property
     def positions(self) -> NDArray[np.float64]:
-        """Planar world positions (n, 2), float64 metres: distances are taken between these."""
+        """Planar world positions (n, 2), float64 metres, between which distances are measured."""
         return self.poses[:, :2, 3]

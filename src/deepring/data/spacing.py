@@ -1,4 +1,4 @@
-"""The choice of scans of a session: spacing, first passes and revisits (protocol)."""
+"""Selects scans of a session by spacing, first passes and revisits (protocol)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,10 @@ Indices = NDArray[np.int64]
 
 
 def sample_by_distance(positions: Positions, spacing: float, mask: NDArray[np.bool_]) -> Indices:
-    """Indices of the scans that are used, of (n, 2) positions in driving order.
+    """Indices of spaced scans among (n, 2) positions in driving order.
 
-    A scan in the mask is used when its distance from the last used one exceeds ``spacing`` metres;
-    the first one in the mask always is. 0 takes all. Raises ConfigError for another spacing.
+    Selects the first scan in the mask, and then each one whose distance from the last selected
+    one exceeds ``spacing`` metres; 0 selects all. Raises ConfigError for a negative spacing.
     """
     at_least("spacing", spacing, 0, "metres")
     indices: list[int] = []
@@ -29,17 +29,16 @@ def sample_by_distance(positions: Positions, spacing: float, mask: NDArray[np.bo
 
 
 def path_lengths(positions: Positions) -> Positions:
-    """Metres of path up to each of (n, 2) positions, (n,)."""
+    """Path length (n,), metres, up to each of (n, 2) positions."""
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])[: len(positions)]
 
 
 def revisits(positions: Positions, radius: float = 10.0, apart: float = 100.0) -> NDArray[np.bool_]:
-    """Mask (n,) of the scans that pass ground first seen over ``apart`` metres of path earlier.
+    """Mask (n,) of revisits; all other scans are first passes.
 
-    Scan i is a revisit when an earlier scan within ``radius`` metres of it lies more than
-    ``apart`` metres of driven path before. The others are first passes. Raises ConfigError for a
-    radius or distance below 0.
+    Scan i is a revisit when a scan within ``radius`` metres of it is more than ``apart`` metres of
+    driven path earlier. Raises ConfigError for a negative ``radius`` or ``apart``.
     """
     from scipy.spatial import KDTree
 
@@ -53,8 +52,10 @@ def revisits(positions: Positions, radius: float = 10.0, apart: float = 100.0) -
 
 
 def far_half_plane(positions: Positions, share: float) -> HalfPlane:
-    """The half-plane that holds the far ``share`` of (n, 2) positions, cut across their longest
-    direction: a validation split that needs no coordinates."""
+    """The half-plane with the far ``share`` of (n, 2) positions along their longest direction.
+
+    This gives a validation split without coordinates in the config.
+    """
     centre = positions.mean(axis=0)
     axis = np.linalg.svd(positions - centre, full_matrices=False)[2][0]
     axis = axis * np.sign(axis[np.abs(axis).argmax()])  # SVD leaves the sign open

@@ -120,7 +120,7 @@ FORMAT = SealedFormat(
     2,
     DescriptorHeader,
     _ARRAYS,
-    wanted="descriptors as evaluate_method(..., export=FOLDER) writes them",
+    description="descriptors as evaluate_method(..., export=FOLDER) writes them",
     remedy="export them again",
 )
 

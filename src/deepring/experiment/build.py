@@ -1,4 +1,4 @@
-"""From config values to objects: the one place where things are made of a config."""
+"""Objects from config values: the only place where a config becomes objects."""
 
 import inspect
 import json
@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 
 PRECISIONS = ("32-true", "32", "bf16-mixed", "16-mixed")
 
-#: Keys of a method's node that its settings do not hold.
+#: Keys of a method's node that are not settings.
 NOT_SETTINGS = ("_target_", "label", "note")
 
 
@@ -46,36 +46,37 @@ def make(node: Any, key: str, *args: Any, **kwargs: Any) -> Any:
         if isinstance(cause, DeepringError):
             raise cause from None
         reason = str(cause or error).splitlines()[0]
-        raise ConfigError(f"{key}: cannot be made of {node}: {reason}") from error
+        raise ConfigError(f"{key}: {node} cannot be made ({reason})") from error
 
 
 Datasets = tuple[list[PlaceDataset], list[PlaceDataset]]
-"""What is trained on, and what is tested on; one that is both is opened once."""
+"""The datasets to train and to test on; one that is both is opened once."""
 
 
 def datasets(cfg: Config) -> Datasets:
     """``train_data`` and ``test_data``, or ``data`` where one of them is empty."""
     opened: dict[str, PlaceDataset] = {}
 
-    def chosen(name: str, configs: Mapping[str, DatasetConfig]) -> list[PlaceDataset]:
-        picked = {f"{name}.{key}": config for key, config in configs.items()} or {"data": cfg.data}
-        names = [config.name for config in picked.values()]
+    def open_all(name: str, configs: Mapping[str, DatasetConfig]) -> list[PlaceDataset]:
+        nodes = {f"{name}.{key}": config for key, config in configs.items()} or {"data": cfg.data}
+        names = [config.name for config in nodes.values()]
         if len(set(names)) < len(names):
             raise ConfigError(
-                f"{name}: {', '.join(names)} do not differ in name; set {name}.KEY.name"
+                f"{name}: {', '.join(names)} do not differ in name, expected different names; set "
+                f"{name}.KEY.name"
             )
         return [
             opened.setdefault(
                 json.dumps(asdict(config), sort_keys=True, default=str), PlaceDataset(config, key)
             )
-            for key, config in picked.items()
+            for key, config in nodes.items()
         ]
 
-    return chosen("train_data", cfg.train_data), chosen("test_data", cfg.test_data)
+    return open_all("train_data", cfg.train_data), open_all("test_data", cfg.test_data)
 
 
 def class_of(node: Mapping[str, Any], key: str = "method") -> type[Any]:
-    """The class that a node names. Raises ConfigError where there is none."""
+    """The class that a node names. Raises ConfigError if it cannot be imported."""
     path = node.get("_target_")
     try:
         return get_class(str(path))
@@ -88,17 +89,17 @@ def class_of(node: Mapping[str, Any], key: str = "method") -> type[Any]:
 
 
 def learns(node: Mapping[str, Any] | None) -> bool:
-    """Whether a node's method is a network that is trained."""
+    """Whether the method of a node is a network, which needs training."""
     return node is not None and issubclass(class_of(node), NetworkMethod)
 
 
 def method(node: Mapping[str, Any] | None, key: str = "method") -> Method:
-    """The method of a node, a network with random weights.
+    """The method of a node; a network has random weights.
 
     Raises ConfigError that names the key of a value that does not fit.
     """
     if node is None:
-        raise ConfigError(f"{key}: null; name one, such as {key}=deepring")
+        raise ConfigError(f"{key}: null, expected a method, such as {key}=deepring")
     cls = class_of(node, key)
     if issubclass(cls, NetworkMethod):
         return cls(network_settings(node, key))
@@ -111,7 +112,7 @@ def method(node: Mapping[str, Any] | None, key: str = "method") -> Method:
 
 
 def network_settings(node: Mapping[str, Any], key: str = "method") -> PlainSettings:
-    """What makes a network's descriptors. Raises ConfigError as `method` does."""
+    """The settings of a node's network. Raises ConfigError as `method` does."""
     values = {name: value for name, value in node.items() if name not in NOT_SETTINGS}
     if "raster" in values:  # with all its values, as in a checkpoint
         values["raster"] = raster_settings(make_raster(values["raster"]))
@@ -135,11 +136,11 @@ def raster_cache(cfg: Config) -> RasterCache:
 
 
 def scheme(node: Mapping[str, Any] | None) -> TrainingScheme:
-    """How the network is trained. Raises ConfigError on a key or a value that is none of it."""
+    """The training scheme. Raises ConfigError for an unknown key or a wrong value."""
     if node is None:
         raise ConfigError(
-            "sampling: null, but training needs batches; choose what the loss goes with, such as "
-            "sampling=episodes, sampling=tuples or sampling=batch_hard"
+            "sampling: null, expected the training scheme of the loss, such as sampling=episodes, "
+            "sampling=tuples or sampling=batch_hard"
         )
     kind = class_of(node, "sampling")
     if not issubclass(kind, TrainingScheme):
@@ -181,13 +182,13 @@ def trainer(
 ) -> L.Trainer:
     """Lightning's trainer with the configured callbacks and logger, writing below ``folder``.
 
-    ``further`` callbacks follow the configured. Where nothing is held out for validation, the
-    last epoch's weights are the ones kept.
+    ``further`` callbacks follow the configured ones. Without validation, the weights of the last
+    epoch are kept.
     """
     if str(cfg.trainer["precision"]) not in PRECISIONS:
         raise ConfigError(
             f"trainer.precision: {cfg.trainer['precision']}, expected one of "
-            f"{', '.join(PRECISIONS)}; sinograms and spectra are taken in float32"
+            f"{', '.join(PRECISIONS)}; sinograms and spectra are computed in float32"
         )
     nodes = {name: dict(node) for name, node in cfg.callbacks.items() if node}
     if not validated:
@@ -213,6 +214,6 @@ def trainer(
 
 
 def device(cfg: Config) -> torch.device:
-    """Where methods are evaluated: a CUDA device if there is one and the trainer may use it."""
-    wanted = str(cfg.trainer["accelerator"]) in ("auto", "gpu", "cuda")
-    return torch.device("cuda" if wanted and torch.cuda.is_available() else "cpu")
+    """The device for evaluation: CUDA if there is a GPU and the trainer may use it."""
+    cuda_allowed = str(cfg.trainer["accelerator"]) in ("auto", "gpu", "cuda")
+    return torch.device("cuda" if cuda_allowed and torch.cuda.is_available() else "cpu")

@@ -16,7 +16,7 @@ from deepring.localization.candidates import Rerank
 
 @dataclass
 class EvaluationSettings:
-    """Where methods are evaluated, at which radii, and counted over what."""
+    """Where, at which radii and over which queries methods are evaluated."""
 
     #: 'test', 'whole', 'validation', or several, which are evaluated one after the other.
     regions: list[str] = field(default_factory=lambda: ["test"])
@@ -25,12 +25,12 @@ class EvaluationSettings:
     #: 'answerable' queries, or 'all': a query without an answer then counts as missed.
     over: str = "answerable"
     figures: bool = True
-    #: Keep the descriptors, so that they can be scored again without scans or network.
+    #: Save the descriptors, so that they can be scored again without scans or network.
     descriptors: bool = False
-    #: Further rows for each method with its best candidates aligned: 'pose' orders them by
-    #: distance, 'locate' with the map's poses too.
+    #: Further rows of each method with its best candidates aligned: 'pose' orders them by their
+    #: distance from the query, 'locate' also uses the poses of the map.
     rerank: list[str] = field(default_factory=list)
-    #: Candidates that are aligned.
+    #: Number of candidates that are aligned.
     candidates: int = 25
 
     def __post_init__(self) -> None:
@@ -47,7 +47,7 @@ class EvaluationSettings:
 
     @property
     def counted_over(self) -> Over:
-        """``over``, which is checked."""
+        """``over`` as its type."""
         return cast("Over", self.over)
 
 
@@ -58,17 +58,17 @@ class PathsConfig:
     outputs: str = "outputs"
     datasets: str = "${paths.outputs}/datasets"
     cache: str = "${paths.outputs}/cache"
-    #: Where downloads lie, by reader, for all runs of a sweep; data.root of one otherwise.
+    #: Folders of downloads by reader, for sweeps over datasets; a single run has data.root.
     roots: dict[str, str | None] = field(
         default_factory=lambda: dict.fromkeys(reader_names(), "???")
     )
-    #: This run's own folder, which Hydra makes.
+    #: The folder of this run, which Hydra makes.
     run: str = "${hydra:runtime.output_dir}"
 
 
 @dataclass
 class Config:
-    """Everything a run is made of."""
+    """The config of a run."""
 
     experiment_name: str = "train"
     #: The last part of a sweep's folder name.
@@ -78,11 +78,11 @@ class Config:
     data: DatasetConfig = field(default_factory=DatasetConfig)
     train_data: dict[str, DatasetConfig] = field(default_factory=dict)
     test_data: dict[str, DatasetConfig] = field(default_factory=dict)
-    #: What is kept of a scan, for all methods: their rasters refer to it.
+    #: Which points of a scan count, for all methods: their rasters refer to it.
     preprocessing: dict[str, Any] = field(default_factory=dict)
-    #: The class of the method and its settings. Null takes what a checkpoint holds.
+    #: The class of the method and its settings. With null, those of the checkpoint.
     method: dict[str, Any] | None = None
-    #: Methods evaluated besides, which learn nothing.
+    #: Further methods to evaluate, which learn nothing.
     methods: dict[str, Any] = field(default_factory=dict)
     #: The training scheme, see `deepring.training.scheme`, and how its batches are sampled.
     sampling: dict[str, Any] | None = None
@@ -103,7 +103,7 @@ class Config:
     overlap: str = "refuse"
     #: Resume training from this checkpoint.
     resume: str | None = None
-    #: The trained network to evaluate; None evaluates the other methods alone.
+    #: The trained network to evaluate; with null, only the other methods.
     checkpoint: str | None = None
 
     def __post_init__(self) -> None:
@@ -130,14 +130,14 @@ def check_config(composed: DictConfig) -> Config:
         # Once more over the schema, since +KEY=VALUE adds what it does not know.
         checked = OmegaConf.merge(OmegaConf.structured(Config), plain)
         missing = OmegaConf.missing_keys(checked)
-        # A download's folder is missed where a dataset lies in it, not otherwise.
+        # The folder of a download is needed only if a dataset lies in it.
         for key in [key for key in missing if key.startswith("paths.")]:
             OmegaConf.update(checked, key, None)
             missing.remove(key)
         if missing:
             names = ", ".join(sorted(missing))
             raise ConfigError(
-                f"config: no value for {names}; give it as {sorted(missing)[0]}=VALUE"
+                f"config: no value of {names}, expected one; give it as {sorted(missing)[0]}=VALUE"
             )
         return cast("Config", OmegaConf.to_object(checked))
     except OmegaConfBaseException as error:
@@ -146,6 +146,6 @@ def check_config(composed: DictConfig) -> Config:
 
 
 def _some(name: str, values: list[Any]) -> None:
-    """Raise ConfigError unless there is a value, and none twice."""
+    """Raise ConfigError unless there is a value, and no value occurs twice."""
     if not values or len(set(values)) < len(values):
-        raise ConfigError(f"{name}: {values}, expected one value, or several different ones")
+        raise ConfigError(f"{name}: {values}, expected at least one value, and no value twice")

@@ -1,7 +1,7 @@
 """The options of the config groups: the files of ``conf/``, and those generated from the library.
 
-An option is generated where it is a default of the library or a mere name for a choice; a file
-states what differs from it. All names are known here without importing what they stand for.
+An option is generated if it is a default of the library, or a name for a choice; files state what
+differs from these. All names are known here without importing what they stand for.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -34,7 +34,7 @@ _AGGREGATIONS = ("dft", "dft2", "gap", "gmp", "multi_gap")
 _SIMILARITIES = ("correlation", "l2", "cosine")
 
 #: The group that the generated settings of methods are in. Files of ``conf/method`` begin with
-#: them; nobody chooses one.
+#: them; they are not chosen on the command line.
 SETTINGS = "settings"
 
 #: Groups whose options write to another key than their own.
@@ -42,7 +42,7 @@ _PACKAGES = {"method/representation": "method", "train": "_global_", "test": "_g
 
 
 def config_folder() -> Path:
-    """The packaged ``conf/``, or the checkout's where the package runs from one."""
+    """The packaged ``conf/``, or that of the checkout that the package runs from."""
     package = Path(__file__).resolve().parents[1]
     packaged = package / "conf"
     return packaged if packaged.is_dir() else package.parents[1] / "conf"
@@ -51,7 +51,7 @@ def config_folder() -> Path:
 def register_configs() -> None:
     """Make the schema and the generated options known to Hydra.
 
-    By the schema Hydra refuses unknown keys and wrong types.
+    The schema makes Hydra refuse unknown keys and wrong types.
     """
     from hydra.core.config_store import ConfigStore
 
@@ -65,7 +65,7 @@ def register_configs() -> None:
 
 
 def group_options(folder: Path) -> dict[str, list[str]]:
-    """Groups in the order of their names, each with its options, sorted."""
+    """The options of each group, both sorted by name."""
     options: dict[str, set[str]] = {
         group: set(makes) for group, makes in _generated(folder).items() if group != SETTINGS
     }
@@ -77,7 +77,7 @@ def group_options(folder: Path) -> dict[str, list[str]]:
 
 
 def chosen_options(folder: Path, config: str) -> dict[str, str | None]:
-    """The groups of a primary config and what each has by default; None for nothing."""
+    """The default option of each group of a primary config; None for no option."""
     return dict(_chosen(folder, folder / f"{config}.yaml"))
 
 
@@ -116,7 +116,7 @@ def _generated(folder: Path) -> Mapping[str, Mapping[str, Make]]:
 
 
 def _dataset(key: str, name: str) -> dict[str, Any]:
-    """A further dataset under ``train_data`` or ``test_data``."""
+    """The defaults list that adds a dataset to ``train_data`` or ``test_data``."""
     return {"defaults": [{f"/data@{key}.{name}": name}]}
 
 
@@ -129,14 +129,14 @@ def _preprocessing() -> dict[str, Any]:
 
 
 def _raster(settings: dict[str, Any]) -> dict[str, Any]:
-    """A raster that follows the config's preprocessing, unless it has another by default."""
-    own = settings["preprocessing"]
-    usual = {**_preprocessing(), "height": own["height"]} == own
-    return {**settings, "preprocessing": "${preprocessing}" if usual else own}
+    """A raster with the config's preprocessing, unless its default is another."""
+    default = settings["preprocessing"]
+    usual = {**_preprocessing(), "height": default["height"]} == default
+    return {**settings, "preprocessing": "${preprocessing}" if usual else default}
 
 
 def _method(path: str) -> dict[str, Any]:
-    """The class and the defaults of its settings, or of its arguments where it learns nothing."""
+    """The class with the defaults of its settings, or of its arguments if it learns nothing."""
     import inspect
 
     from hydra.utils import get_class

@@ -1,4 +1,4 @@
-"""Evaluate methods on regions of datasets, through one and the same code."""
+"""Evaluate methods on regions of datasets."""
 
 import logging
 from pathlib import Path
@@ -48,9 +48,9 @@ def evaluate(plan: Plan, folder: Path) -> list[Result]:
 
 
 def evaluate_split(plan: Plan, folder: Path, split: RetrievalSet) -> list[Outcome]:
-    """The outcome of each method on one split; best places are written to ``retrievals/``."""
+    """The outcome of each method on one split; its matches are written to ``retrievals/``."""
     outcomes: list[Outcome] = []
-    tasks: dict[Raster, RetrievalTask] = {}  # methods of one raster share its images
+    tasks: dict[Raster, RetrievalTask] = {}  # methods with the same raster share its images
 
     def task_in(raster: Raster) -> RetrievalTask:
         if raster not in tasks:
@@ -63,7 +63,7 @@ def evaluate_split(plan: Plan, folder: Path, split: RetrievalSet) -> list[Outcom
         write_matches(folder, outcome.matches)
         outcomes.append(outcome)
         if plan.evaluation.rerank:
-            reranked = _reranked(plan.evaluation, outcome, task_in(BevRaster()))
+            reranked = _rerank(plan.evaluation, outcome, task_in(BevRaster()))
             for further in reranked:
                 write_matches(folder, further.matches)
             outcomes += reranked
@@ -88,10 +88,8 @@ def _evaluate_alone(
         )
 
 
-def _reranked(
-    evaluation: EvaluationSettings, outcome: Outcome, task: RetrievalTask
-) -> list[Outcome]:
-    """The same method with its best candidates aligned, as ``evaluation.rerank`` asks for."""
+def _rerank(evaluation: EvaluationSettings, outcome: Outcome, task: RetrievalTask) -> list[Outcome]:
+    """The same method with its best candidates aligned, one outcome per ``evaluation.rerank``."""
     modes = cast("list[Rerank]", evaluation.rerank)
     settings = RerankSettings(candidates=evaluation.candidates)
     with progress_bar(f"{outcome.case.method}: aligning candidates") as bar:
@@ -99,22 +97,22 @@ def _reranked(
 
 
 def _show(plan: Plan, folder: Path, outcomes: list[tuple[RetrievalSet, list[Outcome]]]) -> None:
-    """Pictures, in one folder per split where there are several, and TensorBoard."""
+    """Write pictures, in one folder per split if there are several, and TensorBoard events."""
     if plan.network is not None:
         plan.network.cpu()
     figures: dict[str, Figure] = {}
     for split, of in outcomes if plan.evaluation.figures else []:
         prefix = f"{split.name}_{split.region}/" if len(outcomes) > 1 else ""
-        drawn = evaluation_figures(of, split, plan.network, plan.evaluation.counted_over)
-        figures |= {prefix + name: figure for name, figure in drawn.items()}
+        pictures = evaluation_figures(of, split, plan.network, plan.evaluation.counted_over)
+        figures |= {prefix + name: figure for name, figure in pictures.items()}
     for name, figure in figures.items():
         save(figure, folder / "figures" / f"{name}.png")
     events = folder / "tensorboard"
-    everything = [outcome for _, of in outcomes for outcome in of]
-    write_events(events, everything, figures, hyperparameters(plan.record))
-    tested = [split for split, of in outcomes if any(outcome.case.train for outcome in of)]
-    if plan.network is not None and tested:
-        task = load_task(plan.cache, tested[0], plan.network.raster)
+    every_outcome = [outcome for _, of in outcomes for outcome in of]
+    write_events(events, every_outcome, figures, hyperparameters(plan.record))
+    learned = [split for split, of in outcomes if any(outcome.case.train for outcome in of)]
+    if plan.network is not None and learned:
+        task = load_task(plan.cache, learned[0], plan.network.raster)
         add_database_embedding(events, plan.network, task)
 
 

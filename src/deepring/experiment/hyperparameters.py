@@ -1,4 +1,4 @@
-"""What TensorBoard's HPARAMS page tells runs apart by."""
+"""Hyperparameters of a run for TensorBoard's HPARAMS page."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,7 +10,7 @@ Value = bool | str | float | int
 
 
 def hyperparameters(record: Mapping[str, Any]) -> dict[str, Value]:
-    """The tables' names for what sweeps vary, and the rest of the groups under ``more.``.
+    """The values that sweeps vary, under the names of the tables, and the rest under ``more.``.
 
     The page sorts its columns by name and shows the first five: aggregation, data, encoder,
     input and loss; for methods other than DeepRING data, loss, lr, method and seed.
@@ -19,11 +19,13 @@ def hyperparameters(record: Mapping[str, Any]) -> dict[str, Value]:
         record: the config of the run, as its ``config.yaml`` holds it.
     """
     method, loss, optimizer = (record[key] or {} for key in ("method", "loss", "optimizer"))
-    own_loss = str(loss.get("_target_")).rpartition(".")[2]
-    trained = [node["name"] for node in record["train_data"].values()] or [record["data"]["name"]]
+    loss_class = str(loss.get("_target_")).rpartition(".")[2]
+    training_data = [node["name"] for node in record["train_data"].values()] or [
+        record["data"]["name"]
+    ]
     short: dict[str, Value] = {
-        "data": "+".join(trained),
-        "loss": LOSSES.get(own_loss, own_loss),
+        "data": "+".join(training_data),
+        "loss": LOSSES.get(loss_class, loss_class),
         "lr": optimizer.get("lr", 0.0),
         "method": str(method.get("_target_")).rpartition(".")[2],
         "seed": record["seed"],
@@ -39,7 +41,7 @@ def hyperparameters(record: Mapping[str, Any]) -> dict[str, Value]:
 
 
 def _of_deepring(method: Mapping[str, Any]) -> dict[str, Value]:
-    """What makes a DeepRING; empty for other methods."""
+    """The choices of a DeepRING; empty for other methods."""
     if "representation" not in method:
         return {}
     raster, encoder, aggregation = method["raster"], method["encoder"], method["aggregation"]

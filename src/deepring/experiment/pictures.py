@@ -1,4 +1,4 @@
-"""The pictures of an evaluation, as PNG files and as figures for TensorBoard."""
+"""Figures of an evaluation, for PNG files and TensorBoard."""
 
 import math
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ def evaluation_figures(
 ) -> dict[str, Figure]:
     """PR curves, recall against radius, one map of hits per method, and sample sinograms.
 
-    ``scans`` are those that all methods were evaluated on.
+    All methods were evaluated on ``scans``.
     """
     radius = outcomes[0].results[0].radius_m
     rows = [row for outcome in outcomes for row in outcome.results]
@@ -61,7 +61,7 @@ def evaluation_figures(
 
 
 def hits_figure(matches: TopMatches, scans: RetrievalSet, radius: float) -> Figure:
-    """Where the best place was within the radius (metres) and where not."""
+    """A map of the queries: whether the best place lies within the radius (metres)."""
     axes = scans.query.session.axes
     north_up = -1 if axes[0] == "north" else 1
     across, up = axes[::north_up]
@@ -77,7 +77,7 @@ def hits_figure(matches: TopMatches, scans: RetrievalSet, radius: float) -> Figu
 
 
 def twin_figure(method: Method, scans: ScanSet, k: int) -> Figure:
-    """Scan ``k`` and itself turned: BEV, both sinograms, and the correlation of descriptors."""
+    """Scan ``k`` and its turned twin: BEV, both sinograms, and the correlation of descriptors."""
     raster = method.raster
     assert isinstance(raster, BevRaster)
     points = scans.session.points(int(scans.indices[k]))
@@ -86,7 +86,7 @@ def twin_figure(method: Method, scans: ScanSet, k: int) -> Figure:
     a, b = method.describe(bev).cpu(), method.describe(twin).cpu()
 
     def sinogram(image: Tensor) -> NDArray[np.float32]:
-        """As the method sees it, with as many rows as the descriptor has."""
+        """The sinogram of the method, with as many rows as the descriptor."""
         if isinstance(method, DeepRing):
             return method.representation(image)[0, 0].numpy()
         return radon(image, a.shape[-2], extent=raster.extent)[0].numpy()
@@ -105,6 +105,6 @@ def twin_figure(method: Method, scans: ScanSet, k: int) -> Figure:
 
 
 def period_of(method: Method) -> float:
-    """Degrees after which the method's sinograms repeat themselves."""
+    """Degrees after which the sinograms of the method repeat."""
     half = isinstance(method, DeepRing) and method.settings.representation.theta_range == "half"
     return 180.0 if half else 360.0

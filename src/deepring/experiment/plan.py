@@ -1,4 +1,4 @@
-"""What an evaluation is to do, planned and checked before anything is written."""
+"""Plans of evaluations, which are checked before anything is written."""
 
 import logging
 import math
@@ -26,16 +26,17 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What is to be evaluated and how, checked: nothing is written before it stands."""
+    """Which methods are evaluated on which scans, and how; all of it is checked."""
 
     fixed: dict[str, Method]
     """Methods that learn nothing, by label."""
     network: NetworkMethod | None
     trained_on: str
     splits: list[RetrievalSet]
-    """Where all are evaluated."""
-    left_out: set[tuple[str, str]]
-    """Names and regions of the splits that hold scans the network was trained on."""
+    """The retrieval sets to evaluate on."""
+    training_splits: set[tuple[str, str]]
+    """Names and regions of the splits on which the network is not evaluated, since they hold
+    scans that it was trained on."""
     evaluation: EvaluationSettings
     cache: RasterCache
     device: torch.device
@@ -43,9 +44,9 @@ class Plan:
     """The config of the run, with the checkpoint's settings for the network."""
 
     def methods(self, split: RetrievalSet) -> dict[str, Method]:
-        """The methods to evaluate there, the network first."""
-        seen = (split.name, split.region) in self.left_out
-        network = {} if self.network is None or seen else {label(self.network): self.network}
+        """The methods to evaluate on a split, the network first."""
+        overlaps = (split.name, split.region) in self.training_splits
+        network = {} if self.network is None or overlaps else {label(self.network): self.network}
         return {**network, **self.fixed}
 
 
@@ -56,37 +57,38 @@ def plan_evaluation(
     *,
     after: bool = False,
 ) -> Plan:
-    """Build the methods and open the test data. Raises DeepringError on a user's mistake.
+    """Build the methods and open the test data. Raises DeepringError for a user's mistake.
 
-    ``datasets`` are the config's, where they are open already; ``after`` says that a network is
-    yet to be trained, so that there may be none but it.
+    ``datasets`` are those of the config if they are open already. With ``after``, the network is
+    trained later, so that there may be no other method.
     """
     network, trained_on, device = None, "", build.device(cfg)
     if checkpoint is not None:
         network, trained_on, _ = load_network(checkpoint, own_class(cfg.method))
         _check_method(cfg.method, network, checkpoint)
-        _say_settings(network, cfg.method, cfg.preprocessing)
+        _log_settings(network, cfg.method, cfg.preprocessing)
         network.to(device)
     fixed = build.fixed_methods(cfg)
     if not fixed and network is None and not after:
         raise ConfigError(
-            "methods: nothing to evaluate; give checkpoint=FILE or a method such as method=ring"
+            "methods: nothing to evaluate, expected a method; give checkpoint=FILE or a method, "
+            "such as method=ring"
         )
     if network is None and not after and (cfg.method is None or build.learns(cfg.method)):
-        log.info("no checkpoint=FILE given: no trained network is evaluated")
+        log.info("without checkpoint=FILE no trained network is evaluated")
     trains, tests = build.datasets(cfg) if datasets is None else datasets
     splits = [
         dataset.retrieval(region)
         for dataset in tests
         for region in regions_of(cfg.evaluation, dataset)
     ]
-    known = [d for d in (*trains, *tests) if d.name in trained_on.split("+")]
+    training = [d for d in (*trains, *tests) if d.name in trained_on.split("+")]
     return Plan(
         fixed,
         network,
         trained_on,
         splits,
-        _left_out(splits, known, cfg.overlap),
+        _training_splits(splits, training, cfg.overlap),
         cfg.evaluation,
         build.raster_cache(cfg),
         device,
@@ -94,21 +96,23 @@ def plan_evaluation(
     )
 
 
-def _left_out(
-    splits: list[RetrievalSet], known: list[PlaceDataset], overlap: str
+def _training_splits(
+    splits: list[RetrievalSet], training: list[PlaceDataset], overlap: str
 ) -> set[tuple[str, str]]:
-    """The splits with scans of the ``known`` datasets' training; none unless they are to be left
-    out, but that is said."""
-    seen = [s for s in splits if any(_holds_training(s, d) for d in known)]
-    if seen and overlap != "leave_out":
+    """The splits with training scans of the ``training`` datasets.
+
+    Empty, with a warning, unless ``overlap`` is 'leave_out'.
+    """
+    overlaps = [s for s in splits if any(_holds_training(s, d) for d in training)]
+    if overlaps and overlap != "leave_out":
         log.warning(
             "the network was trained on %s, and by this config the %s region holds training "
             "scans: its figures tell how well it remembers",
-            seen[0].name,
-            seen[0].region,
+            overlaps[0].name,
+            overlaps[0].region,
         )
         return set()
-    return {(split.name, split.region) for split in seen}
+    return {(split.name, split.region) for split in overlaps}
 
 
 def _holds_training(split: RetrievalSet, dataset: PlaceDataset) -> bool:
@@ -116,11 +120,11 @@ def _holds_training(split: RetrievalSet, dataset: PlaceDataset) -> bool:
 
 
 def regions_of(evaluation: EvaluationSettings, dataset: PlaceDataset) -> list[str]:
-    """The regions to test on; of a dataset that is all test region the whole stands for both."""
-    asked = evaluation.regions
-    if dataset.config.regions.test is None and "whole" in asked:
-        return [region for region in asked if region != "test"]
-    return asked
+    """The regions to test on, without 'test' if that is the same as 'whole'."""
+    regions = evaluation.regions
+    if dataset.config.regions.test is None and "whole" in regions:
+        return [region for region in regions if region != "test"]
+    return regions
 
 
 def label(network: NetworkMethod) -> str:
@@ -129,50 +133,50 @@ def label(network: NetworkMethod) -> str:
 
 
 def own_class(node: dict[str, Any] | None) -> type[NetworkMethod] | None:
-    """The class of the config's ``method``, which a checkpoint may name; None for no network."""
+    """The class of the config's ``method``, which a checkpoint may name; None if not a network."""
     return None if node is None or not build.learns(node) else build.class_of(node)
 
 
 def _check_method(node: dict[str, Any] | None, network: NetworkMethod, checkpoint: Path) -> None:
-    """Refuse a checkpoint of another method than the one that is asked for."""
+    """Raise ConfigError if the checkpoint is of another method than the config."""
     if node is None or build.class_of(node) is type(network):
         return
     raise ConfigError(
         f"checkpoint: {checkpoint} holds a network of {label(network)} ({class_path(network)}), "
-        f"but method asks for {node['_target_']}; take a checkpoint of that method, or leave "
+        f"but method asks for {node['_target_']}; name a checkpoint of that method, or leave "
         "method= out"
     )
 
 
-def _say_settings(
+def _log_settings(
     network: NetworkMethod, node: dict[str, Any] | None, preprocessing: dict[str, Any]
 ) -> None:
-    """Say where the checkpoint's settings are others than the config's.
+    """Log whether the checkpoint's settings differ from the config's.
 
-    The checkpoint's hold for the network in any case; the other methods take the config's
+    The network always has the checkpoint's settings; the other methods have the config's
     preprocessing.
     """
     if node is None or network.settings != build.network_settings(node):
         log.info("the network is as its checkpoint states: %s", network.settings.to_dict())
-    own = network.settings.to_dict()["raster"]["preprocessing"]
-    others = Preprocessing(**preprocessing)
-    if Preprocessing(**own) != others:
+    of_network = network.settings.to_dict()["raster"]["preprocessing"]
+    of_config = Preprocessing(**preprocessing)
+    if Preprocessing(**of_network) != of_config:
         log.warning(
             "preprocessing: the network keeps that of its checkpoint, %s; the other methods "
             "take the config's, %s",
-            own,
-            asdict(others),
+            of_network,
+            asdict(of_config),
         )
 
 
 def distance_to_training(dataset: PlaceDataset, test: RetrievalSet) -> float:
     """Smallest distance (m) from a training scan of the dataset to a scan of ``test``.
 
-    Infinite where the config's training region holds no scan.
+    Infinite if the training region of the config holds no scan.
     """
-    tested = KDTree(np.concatenate([test.database.positions, test.query.positions]))
+    tree = KDTree(np.concatenate([test.database.positions, test.query.positions]))
     try:
         training = dataset.training()
     except DeepringError:
         return math.inf
-    return min(float(tested.query(scans.positions)[0].min()) for scans in training)
+    return min(float(tree.query(scans.positions)[0].min()) for scans in training)

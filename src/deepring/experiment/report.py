@@ -1,4 +1,4 @@
-"""A run as one page to look at: results, maps, curves, and the worst failures with their scans."""
+"""A run as one page: results, maps, curves, and the worst failures with their scans."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +10,7 @@ from omegaconf import OmegaConf
 from deepring.core.correlation import correlation_curves
 from deepring.data.cache import RasterCache
 from deepring.data.dataset import RetrievalSet
-from deepring.errors import DeepringError
+from deepring.errors import DeepringError, FileError
 from deepring.evaluation.matches import TopMatches, matches_in
 from deepring.evaluation.results import Result, read_results
 from deepring.evaluation.task import load_task, rows_of
@@ -24,7 +24,7 @@ from deepring.rasters import BevRaster
 from deepring.reports import html
 from deepring.reports.failures import ScanView, failure_figure
 
-#: Figures by the beginning of their files' names, in the order they are shown, with captions.
+#: Captions of the figures, in their order on the page, by the beginning of their files' names.
 FIGURES = {
     "hits": "Where the best place was right and where it was not",
     "pr_curves": "Precision and recall as the threshold of the score falls",
@@ -36,14 +36,14 @@ _HEAD = ("method", "test", "region", "R@1", "R@5", "max F1", "AUC", "ms/scan", "
 
 
 def report(run: Path, failures: int = 6) -> str:
-    """The page of an evaluated run. Raises DeepringError where it is none.
+    """The page of an evaluated run. Raises DeepringError if ``run`` is not the folder of one.
 
-    Failures are those of a trained DeepRING; they need the scans that it was tested on.
+    Failures are shown for a trained DeepRING; they need the scans that it was tested on.
     """
     if not (run / "results.csv").is_file():
-        raise DeepringError(
-            f"{run}: no results.csv in it; expected the folder of a run that was evaluated, such "
-            "as outputs/demo/latest"
+        raise FileError(
+            f"{run}: no results.csv in it; expected the folder of an evaluated run, such as "
+            "outputs/demo/latest"
         )
     results = read_results(run / "results.csv")
     cfg = _config(run)
@@ -81,27 +81,27 @@ def _pictures(folder: Path) -> Iterator[str]:
 
 
 def _failures(run: Path, cfg: Config, radius: float, count: int) -> Iterator[str]:
-    """The wrong answers of the highest scores, drawn."""
+    """Figures of the wrong answers with the highest scores."""
     checkpoints = [run / "checkpoints" / name for name in ("best.ckpt", "last.ckpt")]
-    given = [] if cfg.checkpoint is None else [Path(cfg.checkpoint)]
-    there = (c for c in (*given, *checkpoints) if c.is_file() or str(c) == SHIPPED)
-    checkpoint = next(there, None)
+    configured = [] if cfg.checkpoint is None else [Path(cfg.checkpoint)]
+    present = (c for c in (*configured, *checkpoints) if c.is_file() or str(c) == SHIPPED)
+    checkpoint = next(present, None)
     if checkpoint is None:
-        yield html.paragraph("No checkpoint lies in the run: failures are drawn of networks alone.")
+        yield html.paragraph("The run holds no checkpoint: failures are drawn only for networks.")
         return
     try:
         plan = plan_evaluation(cfg, checkpoint)
     except DeepringError as error:
-        yield html.paragraph(f"Not drawn, since the scans are not at hand: {error}")
+        yield html.paragraph(f"Not drawn, since the scans are not available: {error}")
         return
     network = plan.network
     if not isinstance(network, DeepRing) or not isinstance(network.raster, BevRaster):
-        yield html.paragraph("Drawn for DeepRING over images from above alone.")
+        yield html.paragraph("Failures are drawn only for DeepRING over bird's-eye views.")
         return
     network.cpu()
-    written = {(m.case.method, m.case.test, m.case.region): m for m in matches_in(run)}
+    by_case = {(m.case.method, m.case.test, m.case.region): m for m in matches_in(run)}
     for split in plan.splits:
-        matches = written.get((network.settings.label, split.name, split.region))
+        matches = by_case.get((network.settings.label, split.name, split.region))
         if matches is None:
             continue
         answerable = matches.nearest <= radius
@@ -111,10 +111,10 @@ def _failures(run: Path, cfg: Config, radius: float, count: int) -> Iterator[str
             f"are wrong; shown are the {min(count, len(wrong))} of the highest scores."
         )
         worst = wrong[np.argsort(-matches.score[wrong, 0], kind="stable")][:count]
-        yield from _drawn(plan.cache, network, split, matches, worst)
+        yield from _failure_figures(plan.cache, network, split, matches, worst)
 
 
-def _drawn(
+def _failure_figures(
     cache: RasterCache,
     network: DeepRing,
     split: RetrievalSet,
@@ -132,7 +132,7 @@ def _drawn(
         query, place = rows_of(queries, number), rows_of(database, best)
         away = np.linalg.norm(database.positions - queries.positions[query], axis=1)
         right = int(away.argmin())
-        seen = [
+        images = [
             ("query", task.query[query : query + 1]),
             (f"retrieved, {away[place]:.0f} m", task.database[place : place + 1]),
             (f"nearest, {away[right]:.0f} m", task.database[right : right + 1]),
@@ -142,15 +142,15 @@ def _drawn(
             f"the nearest place is {away[right]:.0f} m away"
         )
         yield html.picture(
-            failure_figure(_views(network, seen), raster.extent, period_of(network)), caption
+            failure_figure(_views(network, images), raster.extent, period_of(network)), caption
         )
 
 
-def _views(network: DeepRing, seen: list[tuple[str, torch.Tensor]]) -> list[ScanView]:
-    """What the network makes of the images (1, n, n): the query first, then places."""
-    query = network.describe(seen[0][1])
+def _views(network: DeepRing, images: list[tuple[str, torch.Tensor]]) -> list[ScanView]:
+    """Views of the images (1, n, n) by the network: the query first, then places."""
+    query = network.describe(images[0][1])
     views = []
-    for number, (title, image) in enumerate(seen):
+    for number, (title, image) in enumerate(images):
         curve = correlation_curves(query, network.describe(image))[0, 0].numpy()
         sinogram = network.representation(image)[0, 0].numpy()
         bev = image[0].bool().numpy()

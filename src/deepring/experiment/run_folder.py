@@ -1,4 +1,4 @@
-"""What every run leaves behind: its config, its versions, and a `latest` link beside it."""
+"""The folder of a run: its config, its versions, and the link ``latest`` beside it."""
 
 import json
 import os
@@ -18,7 +18,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from deepring.errors import DeepringError
+from deepring.errors import FileError
 from deepring.io.files import replacing
 
 PACKAGES = ("deepring", "torch", "lightning", "hydra-core", "torchmetrics", "numpy", "scipy")
@@ -27,9 +27,8 @@ PACKAGES = ("deepring", "torch", "lightning", "hydra-core", "torchmetrics", "num
 def open_run_folder(record: Mapping[str, Any], folder: Path) -> None:
     """Write ``config.yaml`` and ``versions.json`` into ``folder``.
 
-    The record is that of `deepring.experiment.record.record_of`.
-    A run that goes on in its folder keeps both and adds ``config_resumed_<time>.yaml`` and
-    ``versions_resumed_<time>.json``.
+    ``record`` is what `deepring.experiment.record.record_of` gives. A resumed run leaves both files
+    as they are, and adds ``config_resumed_<time>.yaml`` and ``versions_resumed_<time>.json``.
     """
     folder.mkdir(parents=True, exist_ok=True)
     resumed = (folder / "config.yaml").exists()
@@ -44,25 +43,26 @@ def open_run_folder(record: Mapping[str, Any], folder: Path) -> None:
 
 
 def read_config(path: Path) -> dict[str, Any]:
-    """The config that a run left, as plain values.
+    """The config of a run, as plain values.
 
-    Raises DeepringError where the file cannot be read or holds no config.
+    Raises FileError if the file cannot be read or holds no config.
     """
     try:
         config = OmegaConf.to_container(OmegaConf.load(path), resolve=True)
-    except (OmegaConfBaseException, YAMLError, OSError, UnicodeDecodeError) as error:
-        reason = " ".join(str(error).split())
-        raise DeepringError(f"{path}: {reason}; {_WANTED}") from None
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({error.strerror}); {_EXPECTED}") from None
+    except (OmegaConfBaseException, YAMLError, UnicodeDecodeError):
+        raise FileError(f"{path}: is not YAML that can be resolved; {_EXPECTED}") from None
     if not isinstance(config, dict) or not config:
-        raise DeepringError(f"{path}: holds a {type(config).__name__}; {_WANTED}")
+        raise FileError(f"{path}: holds a {type(config).__name__}; {_EXPECTED}")
     return {str(key): value for key, value in config.items()}
 
 
-_WANTED = "expected the config of a run; delete that folder to begin it again, or leave it out"
+_EXPECTED = "expected the config of a run; delete that folder to begin it again, or leave it out"
 
 
 def is_first_process() -> bool:
-    """Whether this is the process of a distributed run that writes; alone, it is."""
+    """Whether this process writes: the first of a distributed run, or the only one."""
     return getattr(rank_zero_only, "rank", 0) in (None, 0)
 
 
@@ -80,7 +80,7 @@ def versions(seed: int) -> dict[str, object]:
 
 
 def _git_commit() -> str | None:
-    """Commit of the checkout this package runs from, '+' where it has changes; None outside."""
+    """The checkout's commit, with '+' if it has changes; None outside a checkout."""
     here = Path(__file__).parent
     try:
         commit = subprocess.run(
@@ -95,13 +95,13 @@ def _git_commit() -> str | None:
 
 
 class LinkLatest(Callback):
-    """Points `latest` at a run once it trains, so that a refused one never takes its place."""
+    """Points ``latest`` at a run when its training starts, so that it never names a refused run."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def on_train_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:  # noqa: ARG002
-        """In the first process of a distributed run."""
+        """Link in the first process of a distributed run."""
         if trainer.is_global_zero:
             link_latest(self.folder)
 

@@ -1,4 +1,4 @@
-"""Finding and reading the run folders that training leaves."""
+"""Folders of runs: search and reading."""
 
 import json
 import os
@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from deepring.errors import DeepringError
+from deepring.errors import DataError, FileError
 from deepring.evaluation.results import read_results
 from deepring.experiment.run_folder import read_config
 from deepring.experiment.status import Status, read_status
@@ -14,41 +14,41 @@ from deepring.paper.seed_groups import Run
 
 
 @dataclass(frozen=True)
-class FoundRuns:
-    """The finished runs, and a line about each other one: which, and why it is left out."""
+class RunCollection:
+    """Finished runs, and one line per other run: its name, and why it is left out."""
 
     runs: list[Run]
-    left_out: list[str]
+    notes: list[str]
 
 
-def find_runs(paths: Sequence[str | Path]) -> FoundRuns:
+def find_runs(paths: Sequence[str | Path]) -> RunCollection:
     """All runs in these folders, at any depth; a path may be a run folder itself.
 
-    A run folder holds a ``status.json``; one that several paths lead to is taken once. Raises
-    DeepringError where a path is no folder or no run lies in it, where none has finished, and
-    for a finished one whose files cannot be read.
+    A run folder holds a ``status.json``; one that several paths lead to counts once. Raises
+    FileError for a path that is not a folder or holds no run, and for a finished run whose files
+    cannot be read, and DataError if no run has finished.
     """
-    runs, left_out = [], []
+    runs, notes = [], []
     for folder, status in _statuses([Path(path) for path in paths]):
         reason = _unusable(folder, status)
         if reason is None:
             runs.append(read_run(folder))
         else:
             whole = folder.resolve()
-            left_out.append(f"left out: {whole.parent.name}/{whole.name}: {reason}")
+            notes.append(f"left out: {whole.parent.name}/{whole.name}: {reason}")
     if not runs:
-        raise DeepringError(
-            f"{_listed(paths)}: no run with results; expected at least one; "
-            + "; ".join(left_out)
+        raise DataError(
+            f"{', '.join(map(str, paths))}: no run with results; expected at least one; "
+            + "; ".join(notes)
             + "; start the same training again to go on with what is left"
         )
-    return FoundRuns(runs, left_out)
+    return RunCollection(runs, notes)
 
 
 def read_run(folder: str | Path) -> Run:
     """The config, results, commits and training time of a finished run.
 
-    Raises DeepringError that names the file which is missing or cannot be read.
+    Raises FileError with the file that is missing or cannot be read.
     """
     folder = Path(folder)
     config, status = read_config(folder / "config.yaml"), read_status(folder)
@@ -58,23 +58,23 @@ def read_run(folder: str | Path) -> Run:
 
 
 def _statuses(paths: Sequence[Path]) -> Iterator[tuple[Path, Status]]:
-    seen = set()
+    folders = set()
     for path in paths:
         if not path.is_dir():
-            raise DeepringError(
+            raise FileError(
                 f"{path}: no such folder; expected a sweep's or a run's; "
                 "see outputs/sweeps, where `deepring train -m` writes"
             )
-        found = list(_run_folders(path))
-        if not found:
-            raise DeepringError(
+        run_folders = list(_run_folders(path))
+        if not run_folders:
+            raise FileError(
                 f"{path}: no run in it (a folder with a status.json, as `deepring train` leaves); "
-                "expected a sweep's or a run's folder; name one"
+                "expected the folder of a sweep or a run; name one"
             )
-        for folder in found:
+        for folder in run_folders:
             status = read_status(folder)
-            if folder.resolve() not in seen and status is not None:
-                seen.add(folder.resolve())
+            if folder.resolve() not in folders and status is not None:
+                folders.add(folder.resolve())
                 yield folder, status
 
 
@@ -97,15 +97,15 @@ def _unusable(folder: Path, status: Status) -> str | None:
 
 
 def _commits(folder: Path) -> list[str]:
-    """Of ``versions.json`` and of those that a run which went on has added."""
+    """The commits of ``versions.json`` and of the files that a resumed run has added."""
     commits = []
     for path in sorted(folder.glob("versions*.json")):
         try:
             commit = json.loads(path.read_text())["git_commit"]
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise DeepringError(
-                f"{path}: {error!r}; expected the versions of a run, with a git_commit; "
-                "delete the file to go on without"
+        except (OSError, ValueError, KeyError, TypeError):
+            raise FileError(
+                f"{path}: no git_commit can be read; expected the versions of a run; delete the "
+                "file to go on without it"
             ) from None
         if commit is not None:
             commits.append(str(commit))

@@ -1,15 +1,16 @@
-"""``status.json``: how far a run has come, so that a sweep knows what is left to do."""
+"""``status.json``: the state of a run, by which a sweep knows what is left to do."""
 
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 from filelock import FileLock, Timeout
 
-from deepring.errors import DeepringError, StoppedError
+from deepring import checks
+from deepring.errors import DataError, DeepringError, FileError, StoppedError
 from deepring.io.files import replacing
 
 State = Literal["running", "finished", "failed"]
@@ -17,42 +18,46 @@ State = Literal["running", "finished", "failed"]
 
 @dataclass(frozen=True)
 class Status:
-    """How far a run has come. One that was killed still says 'running'."""
+    """The state of a run. A run that was killed is still 'running'."""
 
     state: State
     error: str | None = None
     """Why it failed."""
     score: float | None = None
-    """Validation Recall@1 of the checkpoint that was kept; None without validation."""
+    """Validation Recall@1 of the best checkpoint; None without validation."""
     seconds: float | None = None
-    """Training time; None where nothing was trained."""
+    """Training time; None without training."""
 
 
 def read_status(folder: Path) -> Status | None:
-    """The status of a run folder, None where it holds none.
+    """The status of a run folder, or None.
 
-    Raises DeepringError where ``status.json`` cannot be read.
+    Raises FileError if ``status.json`` cannot be read.
     """
     path = folder / "status.json"
     try:
         return _checked(Status(**json.loads(path.read_text())))
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, TypeError) as error:
-        raise DeepringError(
-            f"{path}: {error}; expected the status of a run; delete the file to run it again"
-        ) from None
+    except DeepringError as error:
+        reason = str(error)
+    except OSError as error:
+        reason = f"cannot be read ({error.strerror})"
+    except (ValueError, TypeError):
+        reason = "does not hold a status as JSON"
+    raise FileError(
+        f"{path}: {reason}; expected the status of a run; delete the file to run it again"
+    )
 
 
 def _checked(status: Status) -> Status:
-    if status.state not in get_args(State):
-        raise ValueError(f"state {status.state!r}, expected one of {', '.join(get_args(State))}")
+    checks.one_of("state", status.state, State)
     numbers = {"score": status.score, "seconds": status.seconds}
     if not isinstance(status.error, str | None):
-        raise TypeError(f"error {status.error!r}; expected text")
+        raise DataError(f"error: {status.error!r}, expected text")
     for name, value in numbers.items():
         if not isinstance(value, float | int | None):
-            raise TypeError(f"{name} {value!r}; expected a number")
+            raise DataError(f"{name}: {value!r}, expected a number")
     return status
 
 
@@ -63,8 +68,8 @@ def write_status(folder: Path, status: Status) -> None:
 
 
 @contextmanager
-def failure_noted(folder: Path) -> Iterator[None]:
-    """Leave 'failed' and the reason in the run folder where the block raises an error."""
+def note_failure(folder: Path) -> Iterator[None]:
+    """Write 'failed' and the reason to the run folder if the block raises an error."""
     try:
         yield
     except StoppedError:
@@ -75,21 +80,22 @@ def failure_noted(folder: Path) -> Iterator[None]:
 
 
 def reason(error: Exception) -> str:
-    """An error in words; for one that is not ours, its type too."""
+    """The message of an error, with its type unless it is a DeepringError."""
     return str(error) if isinstance(error, DeepringError) else f"{type(error).__name__}: {error}"
 
 
 @contextmanager
 def sole_worker(folder: Path) -> Iterator[None]:
-    """Hold the run folder's lock, which the system drops with the process.
+    """Hold the run folder's lock, which the system releases when the process ends.
 
-    Raises DeepringError where another process holds it.
+    Raises DataError if another process holds it.
     """
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(folder / ".lock", blocking=False):
             yield
     except Timeout:
-        raise DeepringError(
-            f"{folder}: another process is working on this run; wait for it, or end it"
+        raise DataError(
+            f"{folder}: another process is working on this run, expected none; wait for it, or "
+            "end it"
         ) from None

@@ -1,4 +1,4 @@
-"""What the folders of a sweep's jobs are called: after what the sweep varies, nothing else."""
+"""Names of the folders of a sweep's jobs, which state only what the sweep varies."""
 
 import hashlib
 from collections.abc import Iterator, Sequence
@@ -15,10 +15,10 @@ _SWEEPING = "sweep"
 
 
 def naming(overrides: Sequence[str], configs: Path) -> list[str]:
-    """One more override, so that a job's folder is named after the varied keys alone.
+    """A further override, so that a job's folder is named after only the varied keys.
 
-    The keys that a file of ``sweep`` varies are part of the name even where ``overrides``
-    give them one value. Of a key that is given twice the last value counts, as for Hydra.
+    Keys that a file of ``sweep`` varies are part of the name even if ``overrides`` give them one
+    value. If a key occurs twice, the last value counts, as for Hydra.
 
     Args:
         overrides: of the sweep, as on the command line; flags among them are ignored.
@@ -28,8 +28,8 @@ def naming(overrides: Sequence[str], configs: Path) -> list[str]:
         ConfigError: ``hydra.sweep.dir`` without a value.
     """
     parser = OverridesParser.create()
-    swept: dict[str, bool] = {}
-    varied = {"seed"}
+    is_sweep: dict[str, bool] = {}
+    sweep_keys = {"seed"}
     for text in overrides:
         if text.startswith("-"):
             continue
@@ -38,12 +38,12 @@ def naming(overrides: Sequence[str], configs: Path) -> list[str]:
         except HydraException:
             continue  # Hydra will say what is wrong
         key = override.get_key_element()
-        swept[key] = override.is_sweep_override()
+        is_sweep[key] = override.is_sweep_override()
         if key == "hydra.sweep.dir" and not override.value():
-            raise ConfigError(f"{text}: expected a folder to keep the sweep in")
-        if key == _SWEEPING and not swept[key]:
-            varied |= _varied_by(configs / key / f"{override.value()}.yaml")
-    fixed = [key for key in swept if not swept[key] and key.lstrip("+~") not in varied]
+            raise ConfigError(f"{text}: no value, expected the folder of the sweep")
+        if key == _SWEEPING and not is_sweep[key]:
+            sweep_keys |= _keys_of(configs / key / f"{override.value()}.yaml")
+    fixed = [key for key in is_sweep if not is_sweep[key] and key.lstrip("+~") not in sweep_keys]
     keys = ",".join(f'"{key}"' for key in dict.fromkeys(_spellings(fixed)))
     return [f"hydra.job.config.override_dirname.exclude_keys=[{keys}]"]
 
@@ -54,19 +54,19 @@ def _spellings(keys: Sequence[str]) -> Iterator[str]:
         yield from (key, key.lstrip("+~"))
 
 
-def _varied_by(config: Path) -> set[str]:
-    """The keys that a config file sweeps; none where there is no such file: Hydra reports it."""
+def _keys_of(config: Path) -> set[str]:
+    """The keys that a config file sweeps; none if the file is missing, which Hydra reports."""
     if not config.is_file():
         return set()
     return set(OmegaConf.select(OmegaConf.load(config), "hydra.sweeper.params", default={}))
 
 
-def folder_name(varied: str) -> str:
-    """The varied keys and values as the name of one folder: no slash, not empty, not too long."""
-    name = varied.replace("/", "_") or "run"
+def folder_name(overrides: str) -> str:
+    """Varied keys and values as a folder's name, without slashes, not empty and not too long."""
+    name = overrides.replace("/", "_") or "run"
     if len(name.encode()) <= 200:
         return name
-    return f"{name[:100]}+{hashlib.sha256(varied.encode()).hexdigest()[:12]}"
+    return f"{name[:100]}+{hashlib.sha256(overrides.encode()).hexdigest()[:12]}"
 
 
 OmegaConf.register_new_resolver("folder_name", folder_name, replace=True)

@@ -1,4 +1,4 @@
-"""How each job of a sweep ended; jobs whose process was killed are launched again."""
+"""Outcomes of a sweep's jobs; a job whose process was killed is launched again."""
 
 import json
 import logging
@@ -15,7 +15,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
-from deepring.errors import DeepringError, StoppedError
+from deepring.errors import DataError, StoppedError
 from deepring.experiment.status import reason
 from deepring.io.files import replacing
 
@@ -25,9 +25,9 @@ log = logging.getLogger(__name__)
 OUTCOMES = "DEEPRING_SWEEP_OUTCOMES"
 
 #: The outcome of a job until it ends.
-KILLED = "its process was killed, perhaps for want of memory"
+KILLED = "its process was killed, perhaps for lack of memory"
 
-#: How often one sweep begins a job whose process is killed.
+#: How often a sweep launches a job whose process is killed.
 ATTEMPTS = 3
 
 
@@ -51,16 +51,16 @@ class SweepOutcomes(NamedTuple):
     finished: list[Path]
     """Folders of the jobs that finished."""
     failed: list[tuple[Path, str]]
-    """Folders of the others, and why they did not finish."""
+    """Folders of the other jobs, and why they did not finish."""
     interrupted: bool = False
     """Whether Ctrl-C ended the sweep."""
 
 
 def run_sweep(launch: Callable[[], None]) -> SweepOutcomes:
-    """Launch the jobs, and tell how they ended.
+    """Launch the jobs, and return their outcomes.
 
     A killed process takes its whole pool of processes with it, so the jobs are launched again:
-    finished ones are skipped, the others go on, and none is begun more than `ATTEMPTS` times.
+    finished ones are skipped, the others go on, and none is launched more than `ATTEMPTS` times.
     """
     os.environ.pop(OUTCOMES, None)
     try:
@@ -78,23 +78,23 @@ def _launch_again(launch: Callable[[], None]) -> None:
         try:
             return launch()
         except BrokenProcessPool:
-            begun = [note for note in _notes() if note["error"] == KILLED]
-            if all(note["attempts"] >= ATTEMPTS for note in begun):
+            killed = [note for note in _notes() if note["error"] == KILLED]
+            if all(note["attempts"] >= ATTEMPTS for note in killed):
                 return None
             log.warning("a job's process was killed; launching what is left again")
 
 
 def _outcomes() -> SweepOutcomes:
-    ended = [(Path(note["folder"]), note["error"]) for note in _notes()]
+    outcomes = [(Path(note["folder"]), note["error"]) for note in _notes()]
     return SweepOutcomes(
-        [folder for folder, error in ended if error is None],
-        [(folder, error) for folder, error in ended if error is not None],
+        [folder for folder, error in outcomes if error is None],
+        [(folder, error) for folder, error in outcomes if error is not None],
     )
 
 
 @contextmanager
-def outcome_noted(is_mistake: Callable[[Exception], bool]) -> Iterator[None]:
-    """Note how the block, one job of the sweep, ended; an error is logged and goes no further.
+def note_outcome(is_mistake: Callable[[Exception], bool]) -> Iterator[None]:
+    """Note the outcome of the block, one job of the sweep; an error is logged, not raised.
 
     Args:
         is_mistake: whether an error is the user's; any other is logged with its traceback.
@@ -109,7 +109,7 @@ def outcome_noted(is_mistake: Callable[[Exception], bool]) -> Iterator[None]:
     note = {"folder": str(folder), "error": KILLED, "attempts": attempts + 1}
     try:
         if attempts >= ATTEMPTS:
-            raise DeepringError(f"{KILLED}, {ATTEMPTS} times; try fewer hydra.launcher.n_jobs")
+            raise DataError(f"{KILLED}, {ATTEMPTS} times; try fewer hydra.launcher.n_jobs")
         _write(path, note)
         yield
     except StoppedError as error:
@@ -130,12 +130,12 @@ def _write(path: Path, note: dict[str, Any]) -> None:
 
 
 def _notes() -> list[dict[str, Any]]:
-    """What the jobs of this sweep noted, in their order."""
+    """The notes of this sweep's jobs, in their order."""
     folder = os.environ.get(OUTCOMES)
     paths = [] if folder is None else sorted(Path(folder).glob("*.json"))
     return [json.loads(path.read_text()) for path in paths]
 
 
 def in_parallel() -> bool:
-    """Whether the launcher runs several jobs at once, so that bars would overwrite each other."""
+    """Whether the launcher runs several jobs at once, whose progress bars would collide."""
     return not str(HydraConfig.get().launcher["_target_"]).endswith(".BasicLauncher")

@@ -1,4 +1,4 @@
-"""Train a method: the function one reads from top to bottom."""
+"""Train a method, choose a checkpoint and evaluate it."""
 
 import logging
 import warnings
@@ -11,7 +11,7 @@ from lightning.pytorch.callbacks import Timer
 
 from deepring.data.dataset import PlaceDataset, RetrievalSet
 from deepring.data.session import Session
-from deepring.errors import DeepringError, StoppedError
+from deepring.errors import ConfigError, StoppedError
 from deepring.evaluation.results import Result
 from deepring.experiment import build
 from deepring.experiment.config import Config
@@ -35,35 +35,35 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Trained:
-    """What a training run leaves."""
+class TrainingOutcome:
+    """Folder, checkpoint and results of a training run."""
 
     folder: Path
     checkpoint: Path | None
-    """None where the method learns nothing."""
+    """None if the method learns nothing."""
     results: list[Result]
-    """Empty where ``evaluate=false``."""
+    """Empty with ``evaluate=false``."""
     score: float | None
     """Validation Recall@1 of the checkpoint; None without validation."""
 
 
-def train(cfg: Config, folder: Path, *, latest: bool = True) -> Trained:
+def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
     """Train on the training regions, choose by validation, evaluate on the test regions.
 
-    Everything is written below ``folder``; ``latest`` beside it comes to point at it. A method
-    that learns nothing is evaluated. Raises DeepringError on a user's mistake.
+    Everything is written below ``folder``; with ``latest``, the link ``latest`` beside it is set to
+    it. A method that learns nothing is only evaluated. Raises DeepringError for a user's mistake.
     """
     L.seed_everything(cfg.seed, workers=True, verbose=False)
     method = build.method(cfg.method)
     if not isinstance(method, NetworkMethod):
         return _evaluate_alone(cfg, folder, latest=latest)
-    datasets = trained_on, _ = build.datasets(cfg)
+    datasets = trains, _ = build.datasets(cfg)
     # Whatever would fail after the training fails now, before anything is written.
     if cfg.evaluate:
         splits = plan_evaluation(cfg, datasets=datasets, after=True).splits
-        check_overlap(cfg.overlap, trained_on, splits)
-    datamodule = build.datamodule(cfg, trained_on, method.raster)
-    module = build.module(cfg, trained_on, method)
+        check_overlap(cfg.overlap, trains, splits)
+    datamodule = build.datamodule(cfg, trains, method.raster)
+    module = build.module(cfg, trains, method)
     if cfg.resume is not None:
         _check_resume(cfg.resume, module)
     if is_first_process():
@@ -77,7 +77,7 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> Trained:
         "training %d parameters of %s on %s",
         sum(p.numel() for p in method.parameters()),
         method.settings.label,
-        " + ".join(dataset.name for dataset in trained_on),
+        " + ".join(dataset.name for dataset in trains),
     )
     _fit(trainer, module, datamodule, cfg.resume, folder)
     checkpoint, score = _best_checkpoint(trainer, folder)
@@ -87,11 +87,11 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> Trained:
     if trainer.is_global_zero:
         seconds = timer.time_elapsed("train")
         write_status(folder, Status("finished", score=score, seconds=seconds))
-    return Trained(folder, checkpoint, results, score)
+    return TrainingOutcome(folder, checkpoint, results, score)
 
 
-def _evaluate_alone(cfg: Config, folder: Path, *, latest: bool) -> Trained:
-    """A method that learns nothing, in a run folder like the others'."""
+def _evaluate_alone(cfg: Config, folder: Path, *, latest: bool) -> TrainingOutcome:
+    """Evaluate a method that learns nothing, in a run folder like any other."""
     plan = plan_evaluation(cfg)
     log.info("%s learns nothing: it is evaluated", next(iter(plan.fixed)))
     open_run_folder(plan.record, folder)
@@ -100,7 +100,7 @@ def _evaluate_alone(cfg: Config, folder: Path, *, latest: bool) -> Trained:
     write_status(folder, Status("finished"))
     if latest:
         link_latest(folder)
-    return Trained(folder, None, results, None)
+    return TrainingOutcome(folder, None, results, None)
 
 
 def _fit(
@@ -119,31 +119,32 @@ def _fit(
 
 
 def _check_resume(resume: str, module: PlaceModule) -> None:
-    """Refuse to resume what is no checkpoint, or one of another network or loss."""
+    """Raise ConfigError unless ``resume`` is a checkpoint of the same network and loss."""
     if not resume.endswith(".ckpt"):
-        raise DeepringError(
+        raise ConfigError(
             f"resume: {resume}, expected the .ckpt of a run, which holds the state of the "
             "training and not the network alone"
         )
     method, _, loss = load_network(resume, type(module.method))
-    kept, asked = method.settings, module.method.settings
-    before = {"method": kept.label, **flatten(kept.to_dict()), "loss": loss}
-    now = {"method": asked.label, **flatten(asked.to_dict()), "loss": type(module.loss).__name__}
+    saved, current = method.settings, module.method.settings
+    before = {"method": saved.label, **flatten(saved.to_dict()), "loss": loss}
+    now = {"method": current.label, **flatten(current.to_dict())}
+    now["loss"] = type(module.loss).__name__
     differing = [name for name in {**now, **before} if now.get(name) != before.get(name)]
     if "method" in differing:
         differing = ["method"]
     if differing:
-        raise DeepringError(
+        raise ConfigError(
             f"resume: {resume} was trained with other {', '.join(differing)}: "
             + "; ".join(f"{name} {before.get(name)}, now {now.get(name)}" for name in differing)
-            + "; give the same overrides as the run that made it"
+            + "; give the same overrides as for that run"
         )
 
 
 def check_overlap(
     overlap: str, datasets: Sequence[PlaceDataset], splits: Sequence[RetrievalSet]
 ) -> None:
-    """Refuse to train on scans that are tested on, and say how far apart the two lie."""
+    """Raise ConfigError for scans in training and test, and log the distance between the two."""
     for dataset in datasets:
         for split in splits:
             if not same_files(dataset, split):
@@ -156,10 +157,11 @@ def check_overlap(
             if overlap == "leave_out":
                 log.info("%s holds training scans: it is left out", where)
                 continue
-            raise DeepringError(
+            raise ConfigError(
                 f"data.regions: scans of {dataset.name} are in the training and in the "
-                f"{split.region} region, and recall would be measured on what was trained on; "
-                "separate data.regions.train and data.regions.test, or say overlap=allow"
+                f"{split.region} region, expected no overlap, since recall would be measured on "
+                "training scans; separate data.regions.train and data.regions.test, or give "
+                "overlap=allow"
             )
 
 
@@ -169,8 +171,8 @@ def same_files(dataset: PlaceDataset, split: RetrievalSet) -> bool:
     def folders(*sessions: Session) -> set[Path]:
         return {session.files[0].parent.resolve() for session in sessions}
 
-    trained = folders(dataset.database, dataset.query)
-    return bool(trained & folders(split.database.session, split.query.session))
+    training = folders(dataset.database, dataset.query)
+    return bool(training & folders(split.database.session, split.query.session))
 
 
 def _interrupted(folder: Path) -> str:
@@ -181,13 +183,13 @@ def _interrupted(folder: Path) -> str:
 
 
 def _best_checkpoint(trainer: L.Trainer, folder: Path) -> tuple[Path, float | None]:
-    """The checkpoint chosen by validation and its score; saved now where no callback saved one."""
-    saved = getattr(trainer.checkpoint_callback, "best_model_path", "")
-    if saved:
-        path = Path(saved)
+    """The checkpoint that validation chose, and its score; saved now if no callback saved one."""
+    best = getattr(trainer.checkpoint_callback, "best_model_path", "")
+    if best:
+        path = Path(best)
         score = getattr(trainer.checkpoint_callback, "best_model_score", None)
-        shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
-        return shown, None if score is None else float(score)
+        path = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+        return path, None if score is None else float(score)
     path = folder / "checkpoints" / "last.ckpt"
     trainer.save_checkpoint(path)
     return path, None

@@ -1,1 +1,1 @@
-"""Files that appear whole or not at all."""
+"""Atomic file writing, and sealed files of tensors and typed values."""

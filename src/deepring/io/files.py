@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Writes files atomically: completely or not at all."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -8,17 +8,17 @@ from deepring.errors import FileError
 
 
 def part_of(path: Path) -> Path:
-    """The hidden file that holds ``path``'s content until it is whole."""
+    """The hidden file that holds the content of ``path`` until it is complete."""
     return path.with_name(f".{path.name}.part")
 
 
 @contextmanager
 def replacing(path: Path | str) -> Iterator[Path]:
-    """A temporary path beside ``path`` to write to; put in its place in one step at the end.
+    """A temporary path beside ``path`` to write to, which replaces ``path`` at the end.
 
-    Folders are made as needed. Where the block raises, ``path`` stays as it was; a process that
-    is killed leaves at most a hidden ``.<name>.part``, which the next one replaces. Raises
-    FileError where the file cannot be written.
+    Creates folders as needed. If the block raises, ``path`` does not change; a killed process
+    leaves at most a hidden ``.<name>.part``, which the next one replaces. Raises FileError if the
+    file cannot be written.
     """
     path = Path(path)
     temporary = part_of(path)
@@ -28,7 +28,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
         temporary.replace(path)
     except OSError as error:
         raise FileError(
-            f"{path}: cannot be written ({error.strerror}); expected a path to write to"
+            f"{path}: cannot be written ({error.strerror}); expected a writable path"
         ) from error
     finally:
         with suppress(OSError):

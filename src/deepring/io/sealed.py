@@ -1,12 +1,11 @@
-"""One file for tensors and the plain values that belong to them: sealed, and checked once.
+"""Sealed files: tensors and plain values with digests, checked once when opened.
 
 A sealed file is a safetensors file whose metadata hold, on two lines, the SHA-256 of a header and
-that header as JSON text. The header states what kind of file it is, the version of that kind's
-format, the plain values, and dtype, shape and SHA-256 of every tensor. Maps, networks, indexes and
-descriptors are such files: each states its kind, version, values and tensors as a `SealedFormat`.
+that header as JSON text. The header holds the kind of the file, the version of its format, the
+plain values, and dtype, shape and SHA-256 of every tensor. Maps, networks, indexes and descriptors
+are such files, each with its own `SealedFormat`.
 
-Files are memory-mapped when opened. Nothing in them is executed, and nothing is imported by a name
-that stands in one.
+Files are memory-mapped when opened. Their contents are never executed or imported.
 """
 
 import hashlib
@@ -27,29 +26,29 @@ if TYPE_CHECKING:
 
 H = TypeVar("H")
 
-#: Where digest and header stand in the metadata: under one key, since the order of several differs
-#: from one writing to the next.
+#: The metadata key of digest and header: a single one, since safetensors does not fix the order of
+#: several.
 _KEY = "deepring_sealed"
 
-#: Where headers stood before there were sealed files.
-_BEFORE = {"deepring", "deepring_index", "deepring_map", "deepring_network"}
+#: Metadata keys of the file formats before sealed files.
+_OLD_KEYS = {"deepring", "deepring_index", "deepring_map", "deepring_network"}
 
 
 @dataclass(frozen=True)
 class SealedFormat(Generic[H]):
-    """What files of one kind hold."""
+    """The format of one kind of files."""
 
     kind: str
-    """For messages, and so that no file is taken for one of another kind."""
+    """Name of the kind, in messages and to distinguish files."""
     version: int
-    """To be raised when what a file holds, or what it means, changes."""
+    """To be increased when the content of the files or its meaning changes."""
     header: type[H]
-    """A dataclass of the plain values; see `deepring.io.typed.typed` for types it can have."""
+    """A dataclass of the plain values, with types that `deepring.io.typed.typed` supports."""
     tensors: TensorTypes
-    wanted: str
-    """What to expect of a file, such as "a map as Map.save writes it"."""
+    description: str
+    """The expected file in messages, e.g. "a map as Map.save writes it"."""
     remedy: str
-    """What to do about a file that cannot be used, such as "build it again"."""
+    """Advice in messages about an unusable file, e.g. "build it again"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +61,11 @@ class Sealed(Generic[H]):
     tensors: "dict[str, Tensor]"
     """Memory-mapped."""
     digest: str
-    """SHA-256 of the header, which states those of the tensors: the same for equal contents."""
+    """SHA-256 of the header with its tensor digests, so that equal contents have equal digests."""
     tensor_digests: dict[str, str]
 
     def verify(self) -> None:
-        """Read every byte. Raises FileError where a tensor is not what was written."""
+        """Read and verify every byte. Raises FileError for an altered tensor."""
         for name, tensor in self.tensors.items():
             if _tensor_digest(tensor) != self.tensor_digests[name]:
                 raise FileError(
@@ -76,9 +75,9 @@ class Sealed(Generic[H]):
 
     @contextmanager
     def contents(self) -> Iterator[None]:
-        """Errors about the file's contents, raised where these are used, name the file.
+        """Turn errors about the file's contents into FileErrors that name the file.
 
-        Any DeepringError becomes a FileError; a FileError that names the file stays as it is.
+        FileErrors that name it already do not change.
         """
         with _named(self.path, self.format, self.format.remedy):
             yield
@@ -87,59 +86,57 @@ class Sealed(Generic[H]):
 def write_sealed(
     path: Path | str, format: SealedFormat[H], header: H, tensors: "Mapping[str, Tensor]"
 ) -> str:
-    """Write a file, whole or not at all, with a new file's usual permissions.
+    """Write a file, completely or not at all, with the usual permissions of a new file.
 
-    Equal contents make equal bytes. Returns the digest, as `Sealed` has it. Raises FileError for
-    what the format has no place for, and where the file cannot be written.
+    Equal contents give equal bytes. Returns the digest, as in `Sealed`. Raises FileError if the
+    contents do not match the format, or the file cannot be written.
     """
     from safetensors import SafetensorError
     from safetensors.torch import save_file
 
     path = Path(path)
-    whole = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    arrays = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
     with _named(path, format, "nothing was written"):
-        check_tensors(whole, format.tensors)
-        text = _header_text(format, header, whole)
+        check_tensors(arrays, format.tensors)
+        text = _header_text(format, header, arrays)
     digest = _sha256(text.encode())
     with replacing(path) as temporary:
         temporary.touch()
-        usual = temporary.stat().st_mode
+        mode = temporary.stat().st_mode
         try:
-            save_file(whole, temporary, {_KEY: f"{digest}\n{text}"})
+            save_file(arrays, temporary, {_KEY: f"{digest}\n{text}"})
         except SafetensorError as error:
-            raise FileError(
-                f"{path}: cannot be written; expected a disk with room for it"
-            ) from error
-        temporary.chmod(usual)  # safetensors leaves it to its owner alone
+            raise FileError(f"{path}: cannot be written; expected enough disk space") from error
+        temporary.chmod(mode)  # safetensors restricts it to the owner
     return digest
 
 
 def open_sealed(path: Path | str, format: SealedFormat[H], *, check: bool = False) -> Sealed[H]:
     """Open a file, memory-mapped.
 
-    Everything is verified but the tensors' bytes, which ``check`` reads and verifies as well.
-    Raises FileError for a file that is missing, of another kind or version, cut short, altered, or
-    with contents that the format does not know.
+    Verifies everything except the tensors' bytes, which ``check`` also reads and verifies. Raises
+    FileError for a file that is missing, of another kind or version, truncated, altered, or with
+    contents that do not match the format.
     """
     path = Path(path)
     if not path.is_file():
-        raise FileError(f"{format.kind} {path}: no such file; expected {format.wanted}")
+        raise FileError(f"{format.kind} {path}: no such file; expected {format.description}")
     metadata, tensors = _read(path, format)
     text = _sealed_text(path, format, metadata)
-    stated = _stated(path, format, text)
+    values = _header_values(path, format, text)
     with _named(path, format, format.remedy):
-        listed = typed(_Stated, stated, "header")
+        contents = typed(_Header, values, "header")
         if {name: _type_of(tensor) for name, tensor in tensors.items()} != {
-            name: (entry.dtype, entry.shape) for name, entry in listed.tensors.items()
+            name: (entry.dtype, entry.shape) for name, entry in contents.tensors.items()
         }:
-            raise DataError("other tensors than its header states; expected the same")
+            raise DataError("tensors differ from those in its header")
         check_tensors(tensors, format.tensors)
-        header = typed(format.header, listed.values, "header")
-    digests = {name: entry.sha256 for name, entry in listed.tensors.items()}
-    opened = Sealed(path, format, header, tensors, _sha256(text.encode()), digests)
+        header = typed(format.header, contents.values, "header")
+    digests = {name: entry.sha256 for name, entry in contents.tensors.items()}
+    file = Sealed(path, format, header, tensors, _sha256(text.encode()), digests)
     if check:
-        opened.verify()
-    return opened
+        file.verify()
+    return file
 
 
 @dataclass(frozen=True)
@@ -150,8 +147,8 @@ class _TensorEntry:
 
 
 @dataclass(frozen=True)
-class _Stated:
-    """A header as it is written."""
+class _Header:
+    """A header in its JSON form."""
 
     kind: str
     version: int
@@ -164,16 +161,16 @@ def _header_text(format: SealedFormat[H], header: H, tensors: "Mapping[str, Tens
         name: _TensorEntry(*_type_of(tensor), _tensor_digest(tensor))
         for name, tensor in tensors.items()
     }
-    stated = {
+    contents = {
         "kind": format.kind,
         "version": format.version,
         "tensors": entries,
         "values": header,
     }
     try:
-        text = json.dumps(stated, sort_keys=True, default=field_values)
+        text = json.dumps(contents, sort_keys=True, default=field_values)
     except (TypeError, ValueError) as error:
-        raise ConfigError("header: a value that JSON cannot hold; expected plain ones") from error
+        raise ConfigError("header: a value without a JSON form, expected plain values") from error
     typed(format.header, json.loads(text)["values"], "header")
     return text
 
@@ -186,22 +183,22 @@ def _read(path: Path, format: SealedFormat[Any]) -> "tuple[dict[str, str], dict[
         with safe_open(path, framework="pt") as file:
             tensors = {name: file.get_tensor(name) for name in sorted(file.keys())}
             return file.metadata() or {}, tensors
-    except Exception as error:  # the libraries raise many kinds for a damaged file
+    except Exception as error:  # the libraries raise many types for a damaged file
         raise FileError(
-            f"{format.kind} {path}: no whole safetensors file: another file, or cut short or "
-            f"altered; expected {format.wanted}; copy it again, or {format.remedy}"
+            f"{format.kind} {path}: no complete safetensors file: of another type, cut short or "
+            f"altered; expected {format.description}; copy it again, or {format.remedy}"
         ) from error
 
 
 def _sealed_text(path: Path, format: SealedFormat[Any], metadata: Mapping[str, str]) -> str:
-    """The header's text, whose seal is whole."""
+    """The header's text, verified by its digest."""
     if _KEY not in metadata:
         raise FileError(
             f"{format.kind} {path}: written by an earlier version of deepring; expected format "
             f"version {format.version}; {format.remedy}"
-            if _BEFORE & set(metadata)
+            if _OLD_KEYS & set(metadata)
             else f"{format.kind} {path}: a safetensors file that deepring did not write; expected "
-            f"{format.wanted}; give such a file"
+            f"{format.description}; choose such a file"
         )
     digest, _, text = metadata[_KEY].partition("\n")
     if _sha256(text.encode()) != digest:
@@ -212,19 +209,19 @@ def _sealed_text(path: Path, format: SealedFormat[Any], metadata: Mapping[str, s
     return text
 
 
-def _stated(path: Path, format: SealedFormat[Any], text: str) -> Any:
-    """What the header states, of this kind and version."""
+def _header_values(path: Path, format: SealedFormat[Any], text: str) -> Any:
+    """The header's values, of this kind and version."""
     try:
-        stated = json.loads(text)
-        kind, version = stated["kind"], stated["version"]
+        values = json.loads(text)
+        kind, version = values["kind"], values["version"]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise FileError(
-            f"{format.kind} {path}: a header without kind and version; expected {format.wanted}; "
-            f"{format.remedy}"
+            f"{format.kind} {path}: a header without kind and version; expected "
+            f"{format.description}; {format.remedy}"
         ) from error
     if kind != format.kind:
         raise FileError(
-            f"{format.kind} {path}: a file of the kind {kind!r}; expected {format.wanted}; give "
+            f"{format.kind} {path}: a file of kind {kind!r}; expected {format.description}; choose "
             "such a file"
         )
     if version != format.version or isinstance(version, bool):
@@ -232,7 +229,7 @@ def _stated(path: Path, format: SealedFormat[Any], text: str) -> Any:
             f"{format.kind} {path}: format version {version!r}, expected {format.version}; "
             f"{format.remedy} with this version of deepring"
         )
-    return stated
+    return values
 
 
 @contextmanager

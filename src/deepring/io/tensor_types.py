@@ -1,4 +1,4 @@
-"""What tensors a file has: names, types, and shapes that agree with each other."""
+"""Specifications of the tensors of a file: names, dtypes and consistent shapes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,22 +14,22 @@ if TYPE_CHECKING:
     Array = Tensor | NDArray[Any]
 
 Size = int | str | EllipsisType
-"""A number, the name of a number that is the same throughout a file, or ``...`` for any others."""
+"""A number, the name of a number that is equal throughout a file, or ``...`` for any others."""
 
 
 @dataclass(frozen=True)
 class TensorType:
-    """A tensor's type and shape."""
+    """A tensor's dtype and shape."""
 
     dtype: str | tuple[str, ...]
-    """As torch names it, such as 'float32', or several that are allowed."""
+    """Torch's name of the dtype, e.g. 'float32', or several alternatives."""
     shape: tuple[Size, ...]
-    """Such as ``("n", 4, 4)``. ``...`` may come last."""
+    """For example ``("n", 4, 4)``; the last one may be ``...``."""
     optional: bool = False
 
     @property
     def dtypes(self) -> tuple[str, ...]:
-        """All dtypes that are allowed."""
+        """The allowed dtypes."""
         return (self.dtype,) if isinstance(self.dtype, str) else self.dtype
 
     def __str__(self) -> str:
@@ -37,33 +37,31 @@ class TensorType:
         return f"{' or '.join(self.dtypes)} of shape ({sizes})"
 
 
-#: Tensors by name. A name that ends with ".*" stands for any number of tensors of that beginning,
-#: of any types and shapes; "*" for all that have no type of their own.
+#: Tensors by name. A name that ends with ".*" stands for any number of tensors with that prefix and
+#: any dtypes and shapes; "*" for all tensors without a type.
 TensorTypes = Mapping[str, TensorType | None]
 
 
 def check_tensors(tensors: Mapping[str, "Array"], types: TensorTypes) -> dict[str, int]:
-    """The sizes that the types name. Raises DataError where tensors and types disagree.
+    """The sizes named in the types. Raises DataError if tensors and types disagree.
 
-    Names are compared first: one error lists all that are missing or unknown. Arrays of numpy
-    will do as well.
+    Names are compared first: one error lists all missing and unknown ones. NumPy arrays work too.
     """
     groups = tuple(name.removesuffix("*") for name in types if name.endswith("*"))
-    named = {name: kind for name, kind in types.items() if kind is not None}
-    alone = {name: value for name, value in tensors.items() if not _in_group(name, groups, named)}
-    optional = {name for name, kind in named.items() if kind.optional}
-    missing, unknown = sorted(set(named) - optional - set(alone)), sorted(set(alone) - set(named))
+    kinds = {name: kind for name, kind in types.items() if kind is not None}
+    single = {name: value for name, value in tensors.items() if not _in_group(name, groups, kinds)}
+    optional = {name for name, kind in kinds.items() if kind.optional}
+    missing = sorted(set(kinds) - optional - set(single))
+    unknown = sorted(set(single) - set(kinds))
     problems = [f"lacks {', '.join(missing)}"] if missing else []
     problems += [f"has an unknown {', '.join(unknown)}"] if unknown else []
     if problems:
-        expected = ", ".join(types)
-        raise DataError(f"tensors: {' and '.join(problems)}; expected {expected}")
+        raise DataError(f"tensors: {' and '.join(problems)}; expected {', '.join(types)}")
     sizes: dict[str, int] = {}
-    for name, kind in named.items():
-        tensor = alone.get(name)
+    for name, kind in kinds.items():
+        tensor = single.get(name)
         if tensor is not None and not _fits(tensor, kind, sizes):
-            told = {k: v for k, v in sizes.items() if k in kind.shape}
-            where = "".join(f", {size} = {value}" for size, value in told.items())
+            where = "".join(f", {k} = {v}" for k, v in sizes.items() if k in kind.shape)
             raise DataError(
                 f"tensor {name}: {dtype_of(tensor)} of shape {tuple(tensor.shape)}, expected "
                 f"{kind}{where}"
@@ -72,23 +70,22 @@ def check_tensors(tensors: Mapping[str, "Array"], types: TensorTypes) -> dict[st
 
 
 def dtype_of(tensor: "Array") -> str:
-    """Such as 'float32'."""
+    """Torch's name of the dtype, e.g. 'float32'."""
     return str(tensor.dtype).removeprefix("torch.")
 
 
-def _in_group(name: str, groups: tuple[str, ...], named: Mapping[str, TensorType]) -> bool:
-    return name not in named and name.startswith(groups)
+def _in_group(name: str, groups: tuple[str, ...], kinds: Mapping[str, TensorType]) -> bool:
+    return name not in kinds and name.startswith(groups)
 
 
 def _fits(tensor: "Array", kind: TensorType, sizes: dict[str, int]) -> bool:
-    """Whether dtype and shape fit; sizes that are new are remembered."""
-    shape, wanted = tuple(tensor.shape), kind.shape
-    if wanted and wanted[-1] is ...:
-        shape, wanted = shape[: len(wanted) - 1], wanted[:-1]
-    if dtype_of(tensor) not in kind.dtypes or len(shape) != len(wanted):
+    """Whether dtype and shape match; adds new names to ``sizes``."""
+    shape, pattern = tuple(tensor.shape), kind.shape
+    if pattern and pattern[-1] is ...:
+        shape, pattern = shape[: len(pattern) - 1], pattern[:-1]
+    if dtype_of(tensor) not in kind.dtypes or len(shape) != len(pattern):
         return False
-    for size, expected in zip(shape, wanted, strict=True):
-        known = sizes.setdefault(expected, size) if isinstance(expected, str) else expected
-        if size != known:
+    for length, size in zip(shape, pattern, strict=True):
+        if length != (sizes.setdefault(size, length) if isinstance(size, str) else size):
             return False
     return True

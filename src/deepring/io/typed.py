@@ -113,7 +113,7 @@ def plain(
 
 
 def field_values(value: Any) -> dict[str, Any]:
-    """A dataclass's values by name, for ``json.dumps(..., default=field_values)``.
+    """The values of a dataclass by name, for ``json.dumps(..., default=field_values)``.
 
     Raises TypeError for anything else.
     """
@@ -165,8 +165,8 @@ def _float(name: str, value: Any) -> float:
         ) from None
 
 
-def _expect(right: bool, name: str, value: Any, wanted: str) -> None:
-    if not right:
+def _expect(condition: bool, name: str, value: Any, description: str) -> None:
+    if not condition:
         text = repr(value)
         text = text if len(text) <= 80 else f"{text[:77]}..."
-        raise ConfigError(f"{name}: {text}, expected {wanted}")
+        raise ConfigError(f"{name}: {text}, expected {description}")

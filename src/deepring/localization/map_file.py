@@ -46,7 +46,7 @@ FORMAT = SealedFormat(
     3,
     MapHeader,
     TENSORS,
-    wanted="a map as `deepring map build` writes it",
+    description="a map as `deepring map build` writes it",
     remedy="build it again",
 )
 

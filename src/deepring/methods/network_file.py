@@ -48,7 +48,7 @@ FORMAT = SealedFormat(
     2,
     NetworkHeader,
     {"*": None},
-    wanted="a network as `deepring export` writes it",
+    description="a network as `deepring export` writes it",
     remedy="export it again",
 )
 

@@ -1,1 +1,1 @@
-"""Networks that keep the circular symmetry of θ."""
+"""Layers and networks, most of them equivariant to shifts of θ."""

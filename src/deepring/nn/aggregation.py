@@ -1,6 +1,6 @@
 """From the feature map to the descriptor: aggregation over τ (paper, Sec. III-B and VI-D).
 
-Each takes E_f (b, c, θ, τ) and gives (b, θ, m), one row of features for each direction.
+Each maps E_f (b, c, θ, τ) to (b, θ, m), one row of features per direction.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from deepring.core.spectrum import column_dft_magnitude, row_dft_magnitude
 def dft(
     feature: Float[Tensor, "batch channel theta tau"],
 ) -> Float[Tensor, "batch theta value"]:
-    """Row-wise DFT magnitude: translation leaves with the phase."""
+    """Row-wise DFT magnitude, invariant to translation."""
     magnitude = row_dft_magnitude(feature)
     return magnitude.transpose(1, 2).flatten(2)
 
@@ -22,21 +22,21 @@ def dft(
 def dft2(
     feature: Float[Tensor, "batch channel theta tau"],
 ) -> Float[Tensor, "batch theta value"]:
-    """A second DFT magnitude, along θ: rotation leaves too, and no row has a direction any more."""
+    """A second DFT magnitude, along θ, invariant to rotation too: rows are no longer directions."""
     return column_dft_magnitude(dft(feature))
 
 
 def gap(
     feature: Float[Tensor, "batch channel theta tau"],
 ) -> Float[Tensor, "batch theta channel"]:
-    """Global average over τ, one value a channel."""
+    """Global average over τ, one value per channel."""
     return feature.mean(dim=-1).transpose(1, 2)
 
 
 def gmp(
     feature: Float[Tensor, "batch channel theta tau"],
 ) -> Float[Tensor, "batch theta channel"]:
-    """Global maximum over τ, one value a channel."""
+    """Global maximum over τ, one value per channel."""
     return feature.amax(dim=-1).transpose(1, 2)
 
 
@@ -49,9 +49,9 @@ AGGREGATIONS: dict[str, Callable[[Tensor], Tensor]] = {
 }
 
 ROTATION_INVARIANT = ("dft2",)
-"""Aggregations whose rows are no directions, so that there is no rotation to search over."""
+"""Aggregations whose rows are not directions, so that comparison needs no search over rotations."""
 
 
 def channels_for(aggregation: str, bins: int) -> int:
-    """Channels of the last convolution: multi-GAP gets as many values a row as the DFT has."""
+    """Channels of the last convolution: multi-GAP has as many values per row as the DFT."""
     return bins // 2 + 1 if aggregation == "multi_gap" else 1

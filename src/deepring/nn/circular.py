@@ -1,4 +1,4 @@
-"""Convolution and upsampling that close the circle of θ (paper, Eq. 5).
+"""Convolution and upsampling that wrap around in θ (paper, Eq. 5).
 
 Over a full turn θ wraps. Over half a turn it wraps with τ flipped, R(θ + π, τ) = R(θ, -τ): the
 sinogram is a Möbius strip.
@@ -32,7 +32,7 @@ def circular_pad(
 
 
 class _CircularPad(torch.autograd.Function):
-    """One pass over memory each way; torch's own circular padding takes several."""
+    """One pass over memory in either direction; torch's own circular padding needs several."""
 
     @staticmethod
     def forward(ctx: Any, x: Tensor, pad: int, tau: TauPadding, theta_range: ThetaRange) -> Tensor:
@@ -52,32 +52,32 @@ class _CircularPad(torch.autograd.Function):
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None, None]:
         pad = ctx.pad
         rows, columns = gradient.shape[-2] - 2 * pad, gradient.shape[-1] - 2 * pad
-        # Each border adds to where its values came from: rows first, then columns.
+        # The gradient of each border is added at its source: rows first, then columns.
         before = _beyond(gradient[..., rows + pad :, :], ctx.theta_range)
         after = _beyond(gradient[..., :pad, :], ctx.theta_range)
 
-        def rows_folded(part: slice) -> Tensor:
+        def fold_rows(part: slice) -> Tensor:
             out = gradient[..., pad : rows + pad, part].clone(memory_format=torch.contiguous_format)
             out[..., :pad, :] += before[..., part]
             out[..., -pad:, :] += after[..., part]
             return out
 
-        out = rows_folded(slice(pad, columns + pad))
+        out = fold_rows(slice(pad, columns + pad))
         if ctx.tau == "circular":
-            out[..., :pad] += rows_folded(slice(columns + pad, None))
-            out[..., -pad:] += rows_folded(slice(pad))
+            out[..., :pad] += fold_rows(slice(columns + pad, None))
+            out[..., -pad:] += fold_rows(slice(pad))
         return out, None, None, None
 
 
 def _beyond(
     rows: Float[Tensor, "*batch rows tau"], theta_range: ThetaRange
 ) -> Float[Tensor, "*batch rows tau"]:
-    """What the rows look like past the end of θ: the same, or over half a turn flipped in τ."""
+    """Rows as they continue past the end of θ: unchanged, or over half a turn flipped in τ."""
     return rows if theta_range == "full" else rows.flip(-1)
 
 
 class CircularConv2d(nn.Module):
-    """A convolution that commutes with circular shifts of θ (and of τ, where τ wraps).
+    """A convolution that commutes with circular shifts of θ, and of τ with circular padding.
 
     Shape: (b, in, θ, τ) -> (b, out, θ, τ). The kernel is odd, the stride one. Over half a turn
     it is made symmetric in τ, since a row that passes the end comes back flipped.
@@ -121,9 +121,9 @@ def circular_upsample(
 ) -> Float[Tensor, "batch channel 2*theta 2*tau"]:
     """Bilinear doubling of θ and τ that wraps: (b, c, θ, τ) -> (b, c, 2θ, 2τ).
 
-    torch's own interpolation clamps at the borders, which breaks the shift equivariance there.
-    Doubling is linear and separable, so that it is a matrix product for each axis, which is
-    faster than padding, interpolating and cutting the borders off again.
+    torch's own interpolation clamps at the borders, which breaks shift equivariance. Doubling is
+    linear and separable: one matrix product per axis is faster than padding, interpolating and
+    cropping.
     """
     rows, columns = x.shape[-2:]
     x = x @ _doubling(columns, tau == "circular").to(x).T
@@ -134,11 +134,11 @@ def circular_upsample(
 
 
 @lru_cache
-@torch.inference_mode(False)  # kept for later, perhaps for training
+@torch.inference_mode(False)  # cached, possibly for training
 def _doubling(n: int, wraps: bool) -> Float[Tensor, "2*{n} {n}"]:
-    """(2n, n): samples 2k and 2k + 1 are 3/4 of sample k and 1/4 of its neighbour to that side.
+    """Matrix (2n, n): samples 2k and 2k + 1 are 3/4 of sample k and 1/4 of its neighbour there.
 
-    At the ends the neighbour is the one at the other end, or the sample itself.
+    At the ends the neighbour is the sample at the other end, or the sample itself.
     """
     samples = torch.arange(2 * n)
     neighbours = samples // 2 + torch.where(samples % 2 == 0, -1, 1)

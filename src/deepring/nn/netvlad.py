@@ -1,4 +1,4 @@
-"""NetVLAD: many features to one vector, by their residuals to learned centres.
+"""NetVLAD: aggregates features into one vector by their residuals to learned centres.
 
 Source: Arandjelovic et al. (CVPR 2016, Sec. 3.1), with the projection and context gating of
 Miech et al. (LOUPE, 2017) as PointNetVLAD uses them (mikacuy/pointnetvlad, loupe.py).
@@ -13,7 +13,7 @@ from deepring import checks
 
 
 class ContextGating(nn.Module):
-    """Each component times its gate, x ⊙ σ(BN(x W)): (b, d) -> (b, d)."""
+    """Multiplies each component by its gate, x ⊙ σ(BN(x W)): (b, d) -> (b, d)."""
 
     def __init__(self, dimension: int) -> None:
         super().__init__()
@@ -26,16 +26,15 @@ class ContextGating(nn.Module):
 
 
 class NetVlad(nn.Module):
-    """Features (b, n, f) of n points to one vector (b, dimension), whatever their order.
+    """Maps features (b, n, f) of n points in any order to vectors (b, dimension).
 
-    The assignment's weights and the centres are learned apart from each other. The projection is
-    followed by batch norm, which wants two or more clouds in training. The vector that comes out
-    is not normalised.
+    The weights of the assignment and the centres are learned separately. Batch norm follows the
+    projection and needs two or more clouds in training. The output is not normalised.
 
     Args:
-        features: f.
+        features: number f of features per point.
         clusters: number of centres.
-        dimension: of the vector.
+        dimension: length of the vector.
         gating: whether context gating follows the projection.
     """
 
@@ -61,8 +60,8 @@ class NetVlad(nn.Module):
     ) -> Float[Tensor, "batch cluster feature"]:
         """V_k = Σ_i a_k(x_i) (x_i - c_k), intra-normalised, then at unit norm: (b, clusters, f).
 
-        a_k(x) is the softmax over k of BN(x W). Each V_k has norm 1 before the whole gets it, or
-        0 where it vanishes.
+        a_k(x) is the softmax over k of BN(x W). Each V_k has norm 1, or 0 if it is zero, before
+        the whole is normalised.
         """
         logits = x @ self.assignment
         share = self.assignment_norm(logits.flatten(0, 1)).view_as(logits).softmax(dim=-1)

@@ -1,8 +1,7 @@
-"""PointNet's features of single points, with its two learned alignments.
+"""PointNet's features per point, with its two learned alignments.
 
 Source: Qi et al. (CVPR 2017, Sec. 4.2) and PointNetVLAD (Uy and Lee, CVPR 2018, Sec. 4;
-mikacuy/pointnetvlad). Points are the last axis inside, (b, channels, n), as 1x1 convolutions
-take them.
+mikacuy/pointnetvlad). Inside, points are the last axis, (b, channels, n), for 1x1 convolutions.
 """
 
 from collections.abc import Sequence
@@ -17,7 +16,7 @@ from deepring.errors import ConfigError, DataError
 class SharedMlp(nn.Sequential):
     """The same layers for every point: linear, batch norm, ReLU. (b, in, n) -> (b, out, n).
 
-    The linear layers carry no bias: the batch norm's takes its place.
+    The linear layers have no bias, since batch norm has one.
     """
 
     def __init__(self, in_channels: int, widths: Sequence[int]) -> None:
@@ -32,15 +31,15 @@ class SharedMlp(nn.Sequential):
 
 
 class TransformNet(nn.Module):
-    """T-Net: a matrix for each cloud that aligns its points, (b, c, n) -> (b, c, c).
+    """T-Net: one matrix per cloud, which aligns its points, (b, c, n) -> (b, c, c).
 
     A shared network, the maximum over the points, and a network of the whole cloud. The last
     layer starts at zero and the identity is added, so that training begins without a transform.
-    Batch norm over clouds wants two or more of them in training, as torch says otherwise.
+    Batch norm over clouds needs two or more of them in training.
 
     Args:
-        channels: c, of the points to align.
-        widths: of the layers before the maximum.
+        channels: number c of channels of the points.
+        widths: widths of the layers before the maximum.
         hidden: widths of the layers after it.
     """
 
@@ -65,7 +64,7 @@ class TransformNet(nn.Module):
     def forward(
         self, x: Float[Tensor, "batch channel n"]
     ) -> Float[Tensor, "batch channel channel"]:
-        """Matrices T of the clouds x; points are rows, so that aligned they are x^T T."""
+        """Matrices T of the clouds x; the aligned points, as rows, are x^T T."""
         change = self.last(self.whole(self.shared(x).amax(dim=-1)))
         return change.view(-1, *self.identity.shape) + self.identity
 
@@ -74,15 +73,14 @@ class PointFeatures(nn.Module):
     """Features of each point of a cloud, (b, n, 3) -> (b, n, f): PointNet without its maximum.
 
     Points aligned by a 3x3 T-Net, MLP 64-64, features aligned by a 64x64 T-Net, MLP 64-128-1024.
-    Every layer has batch norm and ReLU, the last one as well. In the published TensorFlow code
-    only the T-Nets have batch norm, as its layers' default is none; in the PyTorch ports only
-    the MLPs, and the last ReLU is left out.
+    Every layer has batch norm and ReLU, including the last. In the published TensorFlow code only
+    the T-Nets have batch norm; in the PyTorch ports only the MLPs, without the last ReLU.
 
     Args:
         first: widths of the MLP between the T-Nets.
         second: widths of the MLP after them; the last is f.
-        transform_widths: of both T-Nets' layers before the maximum.
-        transform_hidden: of both T-Nets' layers after it.
+        transform_widths: widths of both T-Nets' layers before the maximum.
+        transform_hidden: widths of both T-Nets' layers after it.
     """
 
     def __init__(
@@ -109,7 +107,7 @@ class PointFeatures(nn.Module):
         self.second = SharedMlp(first[-1], second)
 
     def forward(self, points: Shaped[Tensor, "..."]) -> Float[Tensor, "batch n feature"]:
-        """Features of points (b, n, 3). Raises DataError on another shape."""
+        """Features of points (b, n, 3). Raises DataError for another shape."""
         if points.dim() != 3 or points.shape[-1] != 3:
             raise DataError(f"points: shape {tuple(points.shape)}, expected (b, n, 3)")
         x = points.transpose(1, 2)

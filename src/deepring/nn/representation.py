@@ -1,5 +1,6 @@
-"""From a cached raster to the network's input (b, 1, θ, τ): the paper's rotation-equivariant
-representations. They have no parameters; they run where the batch lies, CPU or GPU."""
+"""The paper's rotation-equivariant representations, from a raster to the input (b, 1, θ, τ).
+
+They have no parameters, and run on the device of the batch."""
 
 import torch.nn.functional as F
 from jaxtyping import Float32, Shaped
@@ -14,9 +15,9 @@ from deepring.rasters import Raster
 class Sinogram(nn.Module):
     """BEV (b, n, n) -> sinogram (b, 1, angles / pool, bins / pool), scaled to about [0, 1].
 
-    ``pool`` averages neighbouring rows and bins, which costs resolution and saves time. Values
-    are divided by half the field of view: a row's value is the share of occupied cells along
-    half a line through the centre. Over half a turn the angles step half as far.
+    ``pool`` averages neighbouring rows and bins, which saves time at the cost of resolution. Values
+    are divided by half the field of view: a value is the share of occupied cells along half a
+    line through the centre. Over half a turn the step between angles is half as large.
     """
 
     def __init__(
@@ -70,7 +71,7 @@ class PolarImage(nn.Module):
 
     @property
     def columns(self) -> int:
-        """Columns of r, or of the elevation."""
+        """Columns of r or of elevation."""
         return self.cells // self.pool
 
     def forward(
@@ -88,28 +89,28 @@ def make_representation(
     pool: int = 1,
     theta_range: ThetaRange = "full",
 ) -> Sinogram | PolarImage:
-    """The representation of a raster, chosen by its axes; see `Raster.axes`.
+    """The representation for a raster, by its axes; see `Raster.axes`.
 
-    An image from above becomes a sinogram of ``angles`` and ``bins``. An image over azimuth
-    stays as it is: its rows and columns are the raster's, so that ``angles`` and ``bins`` are
-    None and ``theta_range`` is 'full'. Raises ConfigError for other values and other rasters.
+    A bird's-eye image becomes a sinogram of ``angles`` and ``bins``. An image over azimuth keeps
+    the rows and columns of the raster, so that ``angles`` and ``bins`` must be None and
+    ``theta_range`` 'full'. Raises ConfigError for other values and other rasters.
     """
     kind = type(raster).__name__
-    given = f"representation.angles: {angles}, representation.bins: {bins}"
+    size = f"representation.angles: {angles}, representation.bins: {bins}"
     match raster.axes:
         case ("x", "y"):
             if angles is None or bins is None:
-                raise ConfigError(f"{given}; expected both for the sinogram of a {kind}")
+                raise ConfigError(f"{size}; expected both for the sinogram of a {kind}")
             return Sinogram(angles, bins, pool, theta_range)
         case ("theta", _):
             if angles is not None or bins is not None:
                 raise ConfigError(
-                    f"{given}; expected null, since the rows and columns are those of the {kind}"
+                    f"{size}; expected null, since the rows and columns are those of the {kind}"
                 )
             if theta_range != "full":
                 raise ConfigError(
-                    f"representation.theta_range: {theta_range!r}, expected 'full': only a "
-                    "sinogram repeats itself after half a turn"
+                    f"representation.theta_range: {theta_range!r}, expected 'full': only "
+                    "sinograms can be limited to half a turn"
                 )
             sectors, columns = raster.shape
             return PolarImage(sectors, columns, pool)

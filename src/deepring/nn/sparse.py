@@ -1,9 +1,9 @@
 """Convolutions on the occupied voxels of a batch of scans, in plain torch.
 
 Sites are integer coordinates (batch, θ, r, z), kept sorted. A kernel map lists which input site
-feeds which output site at each offset of a kernel; it depends on the sites alone and is built once
-for all layers of one stride. The values are those of torch's dense convolutions with zeros at the
-empty sites. Source: Choy et al., "4D Spatio-Temporal ConvNets", CVPR 2019, Sec. 3.
+feeds which output site at each offset of a kernel; it depends only on the sites and is built once
+for all layers of one stride. Results equal torch's dense convolutions with zeros at the empty
+sites. Source: Choy et al., "4D Spatio-Temporal ConvNets", CVPR 2019, Sec. 3.
 """
 
 import math
@@ -23,21 +23,21 @@ from deepring.errors import ConfigError, DataError
 
 @dataclass(frozen=True, eq=False)
 class KernelMap:
-    """Which rows feed which: (offset, output rows, input rows), a row at most once an offset."""
+    """Pairs (offset, output rows, input rows), each row at most once per offset."""
 
     outputs: int
     pairs: tuple[tuple[int, Int64[Tensor, " _"], Int64[Tensor, " _"]], ...]
-    centre: int | None = None  # the offset that feeds each row to itself and has no pairs
+    centre: int | None = None  # the offset from each row to itself, without pairs
 
     def transposed(self, outputs: int) -> "KernelMap":
-        """The same pairs, run backwards."""
+        """The same pairs in the opposite direction."""
         return KernelMap(outputs, tuple((k, b, a) for k, a, b in self.pairs))
 
 
 def _keys(
     coordinates: Int64[Tensor, "n 4"], low: list[int], high: list[int]
 ) -> Int64[Tensor, " n"]:
-    """One int64 a site, in the order of its coordinates, which lie between ``low`` and ``high``."""
+    """One int64 per site, in the order of the coordinates, which are from ``low`` to ``high``."""
     keys = coordinates[:, 0] - low[0]
     for axis in (1, 2, 3):
         keys = keys * (high[axis] - low[axis] + 1) + (coordinates[:, axis] - low[axis])
@@ -45,20 +45,20 @@ def _keys(
 
 
 def _column(
-    ends: Tensor, wanted: Tensor, at: Tensor, offset: int, layers: int
+    keys: Tensor, targets: Tensor, at: Tensor, offset: int, layers: int
 ) -> Iterator[tuple[int, Tensor, Tensor]]:
-    """Pairs of ``layers`` offsets that follow each other in z, from the rows of the first."""
+    """Pairs of ``layers`` consecutive offsets in z, starting at the rows of the first."""
     hits, rows = [], []
     for k in range(layers):
-        hits.append(ends[at] == wanted + k)
+        hits.append(keys[at] == targets + k)
         rows.append(at)
         at = at + hits[-1]
     if not hits:
         return
-    found = torch.stack(hits)
-    layer, outputs = found.nonzero(as_tuple=True)
+    matches = torch.stack(hits)
+    layer, outputs = matches.nonzero(as_tuple=True)
     inputs = torch.stack(rows)[layer, outputs]
-    sizes: list[int] = found.sum(1).tolist()
+    sizes: list[int] = matches.sum(1).tolist()
     runs = zip(torch.split(outputs, sizes), torch.split(inputs, sizes), strict=True)
     yield from ((offset + k, a, b) for k, (a, b) in enumerate(runs) if len(a))
 
@@ -69,8 +69,8 @@ class Grid:
     Args:
         coordinates: (n, 4) integer (batch, θ, r, z), units of the stride, unique; any order.
         stride: size of a site in voxels.
-        wrap: sectors in a turn at this stride, where θ closes; None leaves it open, as EgoNN does.
-        batch: number of scans; by default as the indices have it.
+        wrap: sectors per turn at this stride, if θ wraps; None does not wrap, as in EgoNN.
+        batch: number of scans; by default the largest batch index plus one.
 
     Raises:
         DataError: a scan without sites, repeated sites, or θ outside [0, wrap).
@@ -87,7 +87,7 @@ class Grid:
         if coordinates.is_floating_point() or shape[1:] != (4,) or not shape[0]:
             raise DataError(
                 f"coordinates: {shape} {coordinates.dtype}, expected (n, 4) integers "
-                "(batch, θ, r, z), at least one"
+                "(batch, θ, r, z), n >= 1"
             )
         coordinates = coordinates.long()
         low, high = torch.stack([coordinates.amin(0), coordinates.amax(0)]).tolist()
@@ -113,17 +113,17 @@ class Grid:
         return len(self.coordinates)
 
     def neighbours(self, kernel: int) -> KernelMap:
-        """The map of a stride-1 convolution with an odd kernel: the sites feed each other."""
+        """The map of a stride-1 convolution with an odd kernel, from the sites to themselves."""
         if kernel not in self._neighbours:
             pairs = tuple(self._search(kernel))
             self._neighbours[kernel] = KernelMap(len(self), pairs, centre=kernel**3 // 2)
         return self._neighbours[kernel]
 
     def _search(self, kernel: int) -> Iterator[tuple[int, Tensor, Tensor]]:
-        """Half of the offsets are searched; the other half are the same pairs mirrored.
+        """Search half of the offsets; the other half are the same pairs mirrored.
 
-        The sites of one column (dθ, dr) are consecutive, so that one search finds the lowest dz
-        and each further one is the same row or the next.
+        The sites of one column (dθ, dr) are consecutive: one search finds the lowest dz, and each
+        further dz is the same row or the next.
         """
         reach = kernel // 2
         # A margin that stays empty keeps the end of one axis from meeting the start of the next.
@@ -133,22 +133,22 @@ class Grid:
             low[1], high[1] = 0, self.wrap - 1
         keys = _keys(self.coordinates, low, high)
         ends = torch.cat([keys, keys.new_full((1,), torch.iinfo(torch.int64).max)])
-        for turn in range(reach + 1):
-            for ring in range(-reach if turn else 0, reach + 1):
-                first = -reach if turn or ring else 1
-                moved = self.coordinates + self.coordinates.new_tensor([0, turn, ring, first])
+        for sector in range(reach + 1):
+            for ring in range(-reach if sector else 0, reach + 1):
+                first = -reach if sector or ring else 1
+                sites = self.coordinates + self.coordinates.new_tensor([0, sector, ring, first])
                 if self.wrap is not None:
-                    moved[:, 1] %= self.wrap
-                wanted = _keys(moved, low, high)
-                at = torch.searchsorted(keys, wanted)
-                offset = ((turn + reach) * kernel + ring + reach) * kernel + first + reach
-                for k, a, b in _column(ends, wanted, at, offset, reach + 1 - first):
+                    sites[:, 1] %= self.wrap
+                targets = _keys(sites, low, high)
+                at = torch.searchsorted(keys, targets)
+                offset = ((sector + reach) * kernel + ring + reach) * kernel + first + reach
+                for k, a, b in _column(ends, targets, at, offset, reach + 1 - first):
                     yield k, a, b
                     yield kernel**3 - 1 - k, b, a
 
     @cached_property
     def coarser(self) -> tuple["Grid", KernelMap]:
-        """The sites at twice the stride, floor(c / 2), and the map from here to there."""
+        """The sites at twice the stride, floor(c / 2), and the map from this grid to that one."""
         if self.wrap is not None and self.wrap % 2:
             raise ConfigError(f"wrap: {self.wrap} sectors at stride {self.stride}, expected even")
         parents = self.coordinates.clone()
@@ -167,7 +167,7 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class SparseTensor:
-    """Features (n, c) on the n sites of a grid, row for row."""
+    """Features (n, c) on the n sites of a grid, in the grid's order."""
 
     features: Float[Tensor, "n channel"]
     grid: Grid
@@ -179,7 +179,7 @@ class SparseTensor:
         coordinates: Shaped[Tensor, "..."],
         **grid_options: Any,
     ) -> "SparseTensor":
-        """From rows in any order; see `Grid` for its options and errors."""
+        """A sparse tensor of rows in any order; see `Grid` for options and errors."""
         grid = Grid(coordinates, **grid_options)
         if features.ndim != 2 or len(features) != len(grid):
             shape = tuple(features.shape)
@@ -201,12 +201,12 @@ class SparseTensor:
         return SparseTensor(features, self.grid)
 
     def scans(self) -> tuple[Float[Tensor, "_ channel"], ...]:
-        """The features of each scan of the batch, views."""
+        """The features of each scan of the batch, as views."""
         return torch.split(self.features, self.grid.counts)
 
 
 class _GatherMultiplyAdd(torch.autograd.Function):
-    """out[a] = Σ_k x[b] W_k over the pairs (k, a, b); keeps no gathered rows for the way back."""
+    """out[a] = Σ_k x[b] W_k over the pairs (k, a, b); stores no gathered rows for backward."""
 
     @staticmethod
     def forward(ctx: Any, features: Tensor, weight: Tensor, pairs: KernelMap) -> Tensor:
@@ -224,18 +224,20 @@ class _GatherMultiplyAdd(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, grad: Tensor) -> tuple[Tensor | None, Tensor, None]:
         features, weight = ctx.saved_tensors
-        centre, back = ctx.map.centre, None
+        centre, grad_features = ctx.map.centre, None
         grad_weight = torch.zeros_like(weight)
         if ctx.needs_input_grad[0]:
-            back = torch.zeros_like(features) if centre is None else grad @ weight[centre].T
+            grad_features = (
+                torch.zeros_like(features) if centre is None else grad @ weight[centre].T
+            )
         if centre is not None:
             grad_weight[centre] = features.T @ grad
         for k, a, b in ctx.map.pairs:
             part = grad.index_select(0, a)
             grad_weight[k] = features.index_select(0, b).T @ part
-            if back is not None:
-                back.index_add_(0, b, part @ weight[k].T)
-        return back, grad_weight, None
+            if grad_features is not None:
+                grad_features.index_add_(0, b, part @ weight[k].T)
+        return grad_features, grad_weight, None
 
 
 class _SparseConv(nn.Module):
@@ -250,14 +252,14 @@ class _SparseConv(nn.Module):
     def apply_map(
         self, features: Float[Tensor, "n in"], pairs: KernelMap
     ) -> Float[Tensor, "{pairs.outputs} out"]:
-        """Sum over the pairs, in the weight's precision under autocast, too."""
+        """Sum over the pairs, in the weight's precision even under autocast."""
         with torch.autocast(features.device.type, enabled=False):
             features = features.to(self.weight.dtype)
             return _GatherMultiplyAdd.apply(features, self.weight, pairs)  # type: ignore[no-untyped-call]
 
 
 class SubmanifoldConv(_SparseConv):
-    """Stride 1, odd kernel, zeros beyond the sites: the sites stay as they are."""
+    """Convolution of stride 1 with an odd kernel; the sites do not change."""
 
     def __init__(self, in_channels: int, out_channels: int, kernel: int = 3) -> None:
         if checks.count("kernel", kernel) % 2 == 0:
@@ -271,7 +273,7 @@ class SubmanifoldConv(_SparseConv):
 
 
 class StridedConv(_SparseConv):
-    """Kernel 2, stride 2: onto the sites floor(c / 2)."""
+    """Convolution with kernel 2 and stride 2, onto the sites floor(c / 2)."""
 
     def __init__(self, in_channels: int, out_channels: int) -> None:
         super().__init__(in_channels, out_channels, 8, in_channels)
@@ -283,21 +285,24 @@ class StridedConv(_SparseConv):
 
 
 class TransposedConv(_SparseConv):
-    """Kernel 2, stride 2, from a coarser grid back onto the finer one that it came from."""
+    """Transposed convolution with kernel 2 and stride 2, from a coarser grid to its finer one."""
 
     def __init__(self, in_channels: int, out_channels: int) -> None:
         super().__init__(in_channels, out_channels, 8, out_channels)
 
     def forward(self, x: SparseTensor, onto: Grid) -> SparseTensor:
-        """Features (n, out) on ``onto``, whose coarser grid must be that of ``x``."""
+        """Features (n, out) on ``onto``, whose `coarser` grid must be that of ``x``."""
         grid, pairs = onto.coarser
         if grid is not x.grid:
-            raise DataError(f"onto: no grid from which the stride-{x.stride} features came")
+            raise DataError(
+                f"onto: a grid of stride {onto.stride} with another `coarser` grid, expected the "
+                f"one that the features of stride {x.stride} came from"
+            )
         return SparseTensor(self.apply_map(x.features, pairs.transposed(len(onto))), onto)
 
 
 class PointNorm(nn.Module):
-    """Batch normalisation over all sites of the batch; training needs two sites."""
+    """Batch normalisation over all sites of the batch; training needs two or more."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()

@@ -19,7 +19,7 @@ NORMALISATIONS: dict[str, Callable[[int], nn.Module]] = {
     "group": lambda channels: nn.GroupNorm(math.gcd(8, channels), channels),
     "none": lambda _: nn.Identity(),
 }
-"""Layer behind a convolution of some channels."""
+"""Layers after a convolution, by name, made for a number of channels."""
 
 
 class ConvBlock(nn.Sequential):
@@ -46,14 +46,14 @@ class ConvBlock(nn.Sequential):
 
 
 class UNet(nn.Module):
-    """Blocks down and up, joined by skips: (b, in, rows, columns) -> (b, out, rows, columns).
+    """Blocks down and up with skip connections: (b, in, rows, columns) -> (b, out, rows, columns).
 
     Args:
-        name: of the config key that the widths come from, for messages.
+        name: config key of the widths, for messages.
         widths: channels of each level; the number of levels is its length.
         in_channels: channels of the input.
         out_channels: channels of the output.
-        block: makes a level of in and out channels.
+        block: makes one level from its numbers of input and output channels.
         upsample: doubles the rows and columns of (b, c, rows, columns).
     """
 
@@ -85,7 +85,7 @@ class UNet(nn.Module):
         if x.shape[-2] % self.stride or x.shape[-1] % self.stride:
             raise DataError(
                 f"{self.name}: {len(self.down)} levels halve rows and columns to a total stride of "
-                f"{self.stride}, which does not divide {x.shape[-2]} x {x.shape[-1]}; take fewer "
+                f"{self.stride}, which does not divide {x.shape[-2]} x {x.shape[-1]}; choose fewer "
                 "levels or other numbers of rows"
             )
         skips = []
@@ -103,8 +103,8 @@ class CircularUNet(UNet):
     """UNet over (b, in, θ, τ) -> (b, out, θ / stem, τ / stem), equivariant to shifts of θ by its
     stride times ``stem``.
 
-    Each level but the last halves θ and τ by max pooling; the way up doubles them by wrapped
-    bilinear interpolation and joins the skip. A last 1x1 convolution gives the feature map.
+    Each level except the last halves θ and τ by max pooling; the way up doubles them by wrapped
+    bilinear interpolation and concatenates the skip. A final 1x1 convolution gives the feature map.
 
     Args:
         widths: channels of each level; the number of levels is its length.
@@ -112,11 +112,10 @@ class CircularUNet(UNet):
         out_channels: channels of the feature map.
         convolutions: 3x3 convolutions per block.
         norm: 'batch', 'group' or 'none'.
-        tau_padding: how τ is padded, 'circular' (the paper's Eq. 5) or 'zero'.
+        tau_padding: padding of τ, 'circular' (the paper's Eq. 5) or 'zero'.
         theta_range: 'full' or 'half'; over half a turn kernels are symmetric in τ, and an even
             number of τ bins at each level keeps the flip exact.
-        stem: squares of stem x stem neighbours become channels at the start, which keeps what
-            averaging them loses and costs little more; 1 leaves them. Full turns only.
+        stem: space-to-depth factor at the start; 1 disables it. Requires 'full'.
     """
 
     def __init__(
@@ -139,8 +138,8 @@ class CircularUNet(UNet):
         checks.one_of("encoder.norm", norm, NORMALISATIONS)
         if checks.count("encoder.stem", stem) > 1 and theta_range == "half":
             raise ConfigError(
-                f"encoder.stem: {stem}, expected 1 over half a turn, whose flip of τ would have "
-                "to exchange channels"
+                f"encoder.stem: {stem}, expected 1 for theta_range 'half', whose flip of "
+                "τ would have to exchange channels"
             )
         super().__init__(
             "encoder.widths",

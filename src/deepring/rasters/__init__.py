@@ -1,4 +1,4 @@
-"""A scan becomes the array that a method sees: one file per kind of raster, behind one base."""
+"""Rasters, the arrays that methods take in place of scans: one file per kind, one base class."""
 
 from deepring.rasters.base import RASTERS, Raster, make_raster, raster_settings
 from deepring.rasters.bev import BevRaster

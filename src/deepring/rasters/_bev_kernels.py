@@ -20,68 +20,71 @@ def occupancy(points, extent, cells, out):
             out[i, j] = 1
 
 
-# The loops over points write first and count afterwards: which points stay is as good as random
-# to the processor, and a mispredicted branch costs more than a wasted store.
+# The loops over points write first and count afterwards: branches here are unpredictable, and a
+# mispredicted branch costs more than an unnecessary store.
 
 
 @njit(cache=True, nogil=True)
-def in_box(points, extent, low, high, kept):
-    """Copy the points with |x|, |y| < extent and low < z < high to the front of ``kept``
-    (n + 1, 3); their number."""
+def in_box(points, extent, low, high, out):
+    """Copy points with |x|, |y| < extent and low < z < high to the front of ``out`` (n + 1, 3).
+
+    Returns their number."""
     extent, low, high = np.float32(extent), np.float32(low), np.float32(high)
     count = 0
     for k in range(points.shape[0]):
         x, y, z = points[k, 0], points[k, 1], points[k, 2]
-        kept[count, 0] = x
-        kept[count, 1] = y
-        kept[count, 2] = z
+        out[count, 0] = x
+        out[count, 1] = y
+        out[count, 2] = z
         count += int((abs(x) < extent) & (abs(y) < extent) & (z > low) & (z < high))
     return count
 
 
 @njit(cache=True, nogil=True)
 def lot_cells(xs, ys, zs, box, low, high, half, scale, side, cells):
-    """Flat cell of each point of a lot, into ``cells``, in a grid
-    of ``side`` x ``side`` that starts at -half and has ``scale`` cells a metre; the cell behind the
-    last for points outside of it, or not in |x|, |y| < box and low < z < high."""
+    """Write the flat cell of each point of a lot into ``cells``.
+
+    The grid has ``side`` x ``side`` cells, ``scale`` cells per metre, and starts at -half. Points
+    outside it, or outside |x|, |y| < box and low < z < high, get the cell after the last."""
     box, low, high = np.float32(box), np.float32(low), np.float32(high)
     half, scale = np.float32(half), np.float32(scale)
     row, end, spare = np.int32(side), np.float32(side), np.int32(side * side)
     for k in range(cells.shape[0]):
         x, y, z = xs[k], ys[k], zs[k]
         u, v = (x + half) * scale, (y + half) * scale
-        kept = (abs(x) < box) & (abs(y) < box) & (z > low) & (z < high)
-        kept &= (u >= 0) & (u < end) & (v >= 0) & (v < end)
-        cells[k] = np.uint32(np.int32(u) * row + np.int32(v) if kept else spare)
+        inside = (abs(x) < box) & (abs(y) < box) & (z > low) & (z < high)
+        inside &= (u >= 0) & (u < end) & (v >= 0) & (v < end)
+        cells[k] = np.uint32(np.int32(u) * row + np.int32(v) if inside else spare)
 
 
 @njit(cache=True, nogil=True)
 def band_occupancy(flat, box, low, high, extent, side, out):
-    """`in_box` and `occupancy` at once: mark in ``out`` (side² + 1,) uint8, flat, the cells of
-    points with |x|, |y| < box and low < z < high; all others mark the last."""
+    """`in_box` and `occupancy` at once: mark cells in ``out`` (side² + 1,) uint8, flat.
+
+    Points outside |x|, |y| < box and low < z < high mark the last cell."""
     cells = np.empty(LOT, np.uint32)
     lot = room()
     for start in range(0, flat.shape[0] // 3, LOT):
         xs, ys, zs = take(flat, start, lot)
-        some = cells[: xs.shape[0]]
-        lot_cells(xs, ys, zs, box, low, high, extent, side / (2.0 * extent), side, some)
-        for k in range(some.shape[0]):
-            out[some[k]] = 1
+        part = cells[: xs.shape[0]]
+        lot_cells(xs, ys, zs, box, low, high, extent, side / (2.0 * extent), side, part)
+        for k in range(part.shape[0]):
+            out[part[k]] = 1
 
 
 @njit(cache=True, nogil=True)
 def ground_cells(flat, box, low, high, cell, side, ground):
-    """Flat cell of each point (n,) uint32 in the grid of the ground, see `lot_cells`."""
+    """Write the flat cell of each point (n,) uint32 in the ground's grid, see `lot_cells`."""
     lot = room()
     for start in range(0, flat.shape[0] // 3, LOT):
         xs, ys, zs = take(flat, start, lot)
-        some = ground[start : start + xs.shape[0]]
-        lot_cells(xs, ys, zs, box, low, high, side * cell / 2, 1.0 / cell, side, some)
+        part = ground[start : start + xs.shape[0]]
+        lot_cells(xs, ys, zs, box, low, high, side * cell / 2, 1.0 / cell, side, part)
 
 
 @njit(cache=True, nogil=True)
 def two_cells(flat, box, low, high, cell, side, extent, image_side, ground, image):
-    """`ground_cells`, and those of the image: (n,) uint32 each."""
+    """`ground_cells`, and the same for the image's grid: (n,) uint32 each."""
     image_scale = image_side / (2.0 * extent)
     lot = room()
     for start in range(0, flat.shape[0] // 3, LOT):
@@ -92,13 +95,14 @@ def two_cells(flat, box, low, high, cell, side, extent, image_side, ground, imag
 
 
 @njit(cache=True, nogil=True)
-def keep_above(flat, ground, floor, clearance, kept):
-    """Copy the points more than ``clearance`` above the floor of their ground cell to the front
-    of ``kept`` (n + 1, 3); their number."""
+def keep_above(flat, ground, floor, clearance, out):
+    """Copy points more than ``clearance`` above their floor to the front of ``out`` (n + 1, 3).
+
+    Returns their number."""
     count = 0
     for k in range(ground.shape[0]):
-        kept[count, 0], kept[count, 1] = flat[3 * k], flat[3 * k + 1]
-        kept[count, 2] = flat[3 * k + 2]
+        out[count, 0], out[count, 1] = flat[3 * k], flat[3 * k + 1]
+        out[count, 2] = flat[3 * k + 2]
         count += int(flat[3 * k + 2] > floor[ground[k]] + clearance)
     return count
 
@@ -113,15 +117,14 @@ def lower(flat, cells, lowest):
 
 @njit(cache=True, nogil=True)
 def mark_above(flat, ground, image, floor, clearance, out):
-    """Mark in ``out``, flat, the image's cells of points more than ``clearance`` above the floor
-    of their ground cell."""
+    """Mark the image's cells of points more than ``clearance`` above the floor in ``out``, flat."""
     for k in range(ground.shape[0]):
         out[image[k]] |= np.uint8(flat[3 * k + 2] > floor[ground[k]] + clearance)
 
 
 @njit(cache=True, nogil=True)
 def minimum_filter(image, window):
-    """Smallest value in the ``window`` x ``window`` cells around each cell; borders cut it off."""
+    """Smallest value in the ``window`` x ``window`` cells around each cell, cut at the borders."""
     size, reach = image.shape[0], window // 2
     rows, out = image.copy(), np.empty_like(image)
     for i in range(size):

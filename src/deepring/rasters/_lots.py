@@ -1,13 +1,13 @@
-"""Points in lots, for the compiled loops over them (numba).
+"""Points in lots, for compiled loops over them (numba).
 
-numba does not see changes here when it reuses what it compiled of a loop that calls this: delete
-``__pycache__`` after an edit.
+numba's cache of a calling loop does not notice changes in this file: delete ``__pycache__`` after
+an edit.
 """
 
 import numpy as np
 from numba import njit
 
-#: Points that are taken at once: their coordinates, one after the other, stay in the first cache.
+#: Points per lot; their coordinates fit into the processor's first cache.
 LOT = 2048
 
 
@@ -19,10 +19,9 @@ def room():
 
 @njit(cache=True, nogil=True)
 def take(flat, start, lot):
-    """x, y and z, each (m,), of the lot of points that begins with the point ``start``.
+    """x, y and z, each (m,), of the lot that begins with point ``start`` of ``flat`` (3 n,).
 
-    The points lie one after the other in ``flat`` (3 n,); ``lot`` is the `room` that is taken up.
-    Rows of a fixed width can be taken apart by vector instructions.
+    ``lot`` is memory from `room`; separate coordinates allow vector instructions.
     """
     count = min(LOT, flat.shape[0] // 3 - start)
     xs, ys, zs = lot[0, :count], lot[1, :count], lot[2, :count]

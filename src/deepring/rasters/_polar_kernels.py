@@ -1,8 +1,8 @@
 """Compiled CPU loops over polar cells (numba). Imported on first use.
 
-Angles are needed only to tell which cell a point is in. A polynomial tells it for all points but
-those close to a border, in a loop that the compiler turns into vector instructions; these few are
-asked for by the exact function, so that the result is the exact function's everywhere.
+Angles only determine the cell of a point. A polynomial, in a loop that compiles to vector
+instructions, decides for all points except the few close to a border; for these the exact function
+decides, so that the result is exact everywhere.
 """
 
 import math
@@ -12,7 +12,7 @@ from numba import njit
 
 from deepring.rasters._lots import LOT, room, take
 
-#: Radians by which `rough_angle` may be off; its largest error, found in tests, is less.
+#: Bound on the error of `rough_angle`, radians; the largest error in tests is smaller.
 _OFF = 2e-6
 
 
@@ -37,7 +37,7 @@ def rough_angle(y, x):
 
 @njit(cache=True, nogil=True)
 def exact_sector(y, x, sectors):
-    """Which of equal sectors of the full turn, counter-clockwise from x."""
+    """Number of the sector, of equal sectors of the full turn, counter-clockwise from x."""
     turn = math.atan2(y, x) / (2.0 * math.pi)
     return int((turn - math.floor(turn)) * sectors) % sectors
 
@@ -60,8 +60,9 @@ def rough_sectors(xs, ys, sectors):
 
 @njit(cache=True, nogil=True)
 def polar_cells(xs, ys, radius, sectors, rings):
-    """Sector and ring of each point of a lot; the ring ``rings`` is for all beyond the last, and
-    for what is no number, and there the sector means nothing."""
+    """Sector and ring of each point of a lot.
+
+    Points beyond the last ring or with NaN get the ring ``rings`` and an arbitrary sector."""
     sector, sure = rough_sectors(xs, ys, sectors)
     ring = np.empty(xs.shape[0], np.int32)
     for k in range(xs.shape[0]):
@@ -88,8 +89,7 @@ def polar_highest(flat, radius, out):
 
 @njit(cache=True, nogil=True)
 def polar_layers(flat, radius, low, high, out):
-    """Mark in ``out`` (layers, sectors, rings) bool the polar cells of each layer of height that
-    hold a point; the layers share [low, high)."""
+    """Mark occupied cells in ``out`` (layers, sectors, rings) bool; layers divide [low, high)."""
     layers, sectors, rings = out.shape
     lot = room()
     for start in range(0, flat.shape[0] // 3, LOT):
@@ -101,7 +101,7 @@ def polar_layers(flat, radius, low, high, out):
                 out[layer, sector[k], ring[k]] = True
 
 
-#: More metres than any return is away. Rings of a metre up to there leave out what is no number.
+#: Metres beyond any return. With rings of one metre up to here, only NaN is left out.
 _BEYOND = 2**30
 
 

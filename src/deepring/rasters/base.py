@@ -1,8 +1,8 @@
-"""What every raster is: the array that a method sees of a scan, and how it comes about.
+"""The base class of rasters: how a scan becomes the array that a method takes.
 
-A raster is a frozen dataclass of plain values. It names everything that made an array, so that it
-is the cache's key and travels in a checkpoint. A kind of raster is one file: a subclass of
-`Raster` with its own ``kind`` is known to `make_raster`, to the cache and to the training.
+A raster is a frozen dataclass of plain values. They determine the array completely, so that they
+are the cache's key and part of a checkpoint. A kind of raster is one file: every subclass of
+`Raster` registers its ``kind`` for `make_raster`, the cache and training.
 """
 
 from abc import ABC, abstractmethod
@@ -18,33 +18,33 @@ from deepring import checks
 from deepring.errors import ConfigError
 from deepring.rasters.preprocessing import Preprocessing
 
-#: Every kind of raster by its name; subclasses of `Raster` enter themselves.
+#: Every kind of raster by its name; subclasses of `Raster` register themselves.
 RASTERS: dict[str, type["Raster"]] = {}
 
 
 class Raster(ABC):
-    """Points of a scan to an array of fixed shape and type.
+    """Turns the points of a scan into an array of fixed shape and type.
 
     A subclass is a frozen dataclass that names its kind,
     ``@dataclass(frozen=True) class Density(Raster, kind="density")``, and has a field
-    ``preprocessing``. Sets of points and of voxels are rasters, too: arrays of a fixed shape.
+    ``preprocessing``. Sets of points and of voxels count as rasters too, as arrays of fixed shape.
     """
 
     kind: ClassVar[str]
     """Name in configs, in checkpoints and in the cache."""
     axes: ClassVar[tuple[str, ...]]
-    """What each axis is: 'x', 'y', 'theta', 'r', ... Networks choose their input by it."""
+    """Meaning of each axis: 'x', 'y', 'theta', 'r', ... Networks choose their input layer by it."""
     dtype: ClassVar[np.dtype[Any]]
     """Type of the array's values; bool arrays are stored as bits."""
 
     preprocessing: Preprocessing
 
     def __init_subclass__(cls, *, kind: str) -> None:
-        known = RASTERS.get(kind)
-        if known is not None and known.__qualname__ != cls.__qualname__:
+        previous = RASTERS.get(kind)
+        if previous is not None and previous.__qualname__ != cls.__qualname__:
             raise ConfigError(
-                f"kind: {kind!r} of {cls.__qualname__}, expected a name of its own; "
-                f"{known.__qualname__} has this one"
+                f"kind: {kind!r} of {cls.__qualname__}, expected a new name; "
+                f"{previous.__qualname__} has this one"
             )
         cls.kind = kind
         RASTERS[kind] = cls
@@ -56,7 +56,7 @@ class Raster(ABC):
 
     @abstractmethod
     def rasterize(self, points: NDArray[np.float32]) -> NDArray[Any]:
-        """Array of the points (n, 3) that the preprocessing leaves, z above the ground."""
+        """Array of preprocessed points (n, 3), z above the ground."""
 
     def __call__(self, points: NDArray[np.float32], ground_z: float) -> NDArray[Any]:
         """Array of a whole scan.
@@ -69,10 +69,10 @@ class Raster(ABC):
 
     @property
     def sectors(self) -> int:
-        """Steps of a full turn by which the array can be turned exactly.
+        """Number of steps per full turn by which the array can be turned exactly.
 
         Raises:
-            ConfigError: it cannot be turned.
+            ConfigError: the array cannot be turned.
         """
         raise ConfigError(
             f"raster: a {type(self).__name__} cannot be turned, its axes are "
@@ -81,11 +81,11 @@ class Raster(ABC):
         )
 
     def turned(self, images: Tensor, sectors: Tensor) -> Tensor:
-        """Arrays as they would be of scans turned counter-clockwise by whole sectors.
+        """The arrays of the same scans turned counter-clockwise by whole sectors.
 
         Args:
             images: (n, *shape), with azimuth on axis -2.
-            sectors: (n,) int64, of `sectors`.
+            sectors: (n,) int64, numbers of `sectors`.
         """
         steps = self.sectors
         rows = (torch.arange(steps)[None] - sectors[:, None]) % steps  # rolled by +sectors
@@ -103,7 +103,7 @@ class Raster(ABC):
             checks.positive(f"raster.{name}", getattr(self, name), "metres")
 
     def check_reach(self, reach: float) -> None:
-        """Raise ConfigError where the preprocessing cuts off what lies within ``reach`` metres."""
+        """Raise ConfigError if the preprocessing removes points within ``reach`` metres."""
         extent = self.preprocessing.extent
         if extent < reach:
             raise ConfigError(
@@ -113,7 +113,7 @@ class Raster(ABC):
 
 
 def raster_settings(raster: Raster) -> dict[str, Any]:
-    """Plain values that make the raster again: ``{"kind": ..., **fields}``.
+    """Plain values from which `make_raster` makes the raster: ``{"kind": ..., **fields}``.
 
     >>> from deepring.rasters import PolarRaster
     >>> settings = raster_settings(PolarRaster(sectors=60))
@@ -124,7 +124,7 @@ def raster_settings(raster: Raster) -> dict[str, Any]:
 
 
 def make_raster(settings: dict[str, Any]) -> Raster:
-    """The raster that `raster_settings` described. Raises ConfigError on unknown values.
+    """The raster with the settings of `raster_settings`. Raises ConfigError for unknown names.
 
     >>> make_raster({"kind": "polar", "sectors": 60}).shape
     (60, 120)
@@ -141,7 +141,7 @@ def make_raster(settings: dict[str, Any]) -> Raster:
 
 
 def _check_names(what: str, values: dict[str, Any], cls: Any) -> None:
-    known = [field.name for field in fields(cls)]
-    unknown = [name for name in values if name not in known]
+    names = [field.name for field in fields(cls)]
+    unknown = [name for name in values if name not in names]
     if unknown:
-        raise ConfigError(f"{what}: {', '.join(unknown)}, expected only {', '.join(known)}")
+        raise ConfigError(f"{what}: {', '.join(unknown)}, expected only {', '.join(names)}")

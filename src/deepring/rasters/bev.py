@@ -36,7 +36,7 @@ class BevRaster(Raster, kind="bev"):
         return (self.cells, self.cells)
 
     def rasterize(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Occupied cells."""
+        """Occupied cells (cells, cells) bool."""
         return bev_occupancy(points, self.extent, self.cells)
 
     def __call__(self, points: NDArray[np.float32], ground_z: float) -> NDArray[np.bool_]:
@@ -51,7 +51,7 @@ def bev_occupancy(
 
     Cell [i, j] covers x in [i, i + 1) * size - extent, and y likewise, size = 2 extent / cells
     metres: x forward grows along the first axis, y left along the second. With ``disc`` cells
-    outside the inscribed disc are cleared, since the corners leave the image in a turn.
+    outside the inscribed disc are cleared, since a turn moves the corners out of the image.
 
     Args:
         points: (n, >=2) float32, metres.
@@ -82,7 +82,7 @@ def scan_to_bev(
 ) -> NDArray[np.bool_]:
     """``bev_occupancy(preprocessing(points, ground_z), extent, cells)``, several times faster.
 
-    No points are copied; each is given its cell, and cells are marked. (cells, cells) bool.
+    Marks the cell of each point without copying points. Returns (cells, cells) bool.
 
     >>> points = np.array([[25.0, -5.0, 1.0], [0.0, 0.0, -1.7]], dtype=np.float32)
     >>> above = Preprocessing(height=(1.0, 20.0), clearance=None)
@@ -94,18 +94,18 @@ def scan_to_bev(
     flat = coordinates(contiguous_points(points))
     low, high = (height + ground_z for height in preprocessing.height)
     box = preprocessing.extent
-    image = np.zeros(cells * cells + 1, dtype=np.uint8)  # the last cell is for all other points
+    image = np.zeros(cells * cells + 1, dtype=np.uint8)  # the last cell is for points outside
     if preprocessing.clearance is None:
         _bev_kernels.band_occupancy(flat, box, low, high, extent, cells, image)
     else:
         side = preprocessing.side
-        of_ground, of_image = np.empty((2, len(points)), dtype=np.uint32)
+        ground, pixels = np.empty((2, len(points)), dtype=np.uint32)
         _bev_kernels.two_cells(
-            flat, box, low, high, preprocessing.cell, side, extent, cells, of_ground, of_image
+            flat, box, low, high, preprocessing.cell, side, extent, cells, ground, pixels
         )
-        floor = preprocessing.floor(flat, of_ground)
+        floor = preprocessing.floor(flat, ground)
         clearance = np.float32(preprocessing.clearance)
-        _bev_kernels.mark_above(flat, of_ground, of_image, floor, clearance, image)
+        _bev_kernels.mark_above(flat, ground, pixels, floor, clearance, image)
     occupied = image[:-1].reshape(cells, cells).view(np.bool_)
     occupied &= disc_mask(cells)
     return occupied

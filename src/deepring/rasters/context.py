@@ -11,7 +11,7 @@ from deepring.rasters.preprocessing import Preprocessing, coordinates
 
 @dataclass(frozen=True)
 class ContextRaster(Raster, kind="context"):
-    """Largest height in each polar cell: (sectors, rings) float16, 8 mm at 10 m.
+    """Largest height in each polar cell: (sectors, rings) float16, precise to 8 mm at 10 m.
 
     >>> ContextRaster().shape
     (60, 20)
@@ -54,8 +54,8 @@ def scan_context(
     Args:
         points: (n, 3) float32, metres, z above the ground.
         radius: outer radius, metres.
-        sectors: rows, over the whole turn.
-        rings: columns, of equal width.
+        sectors: number of rows, over the full turn.
+        rings: number of columns, of equal width.
 
     >>> points = np.array([[30.0, 1.0, 2.0], [30.0, 1.0, 5.0]], dtype=np.float32)
     >>> scan_context(points, radius=40, sectors=2, rings=4)

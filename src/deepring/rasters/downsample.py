@@ -1,21 +1,21 @@
-"""Reducing a cloud to a fixed number of points. What comes out does not depend on their order."""
+"""Reduces a cloud to a fixed number of points, whatever the order of its points."""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-#: Metres: below it points are taken for the same, above it a voxel holds any scan.
+#: Bounds of voxel sizes, metres: smaller ones separate no points, larger ones hold any scan.
 SMALLEST, LARGEST = 1e-3, 1e3
 
-#: The search for a voxel size ends where it leaves at most this many times the points wanted.
+#: The search for a voxel size stops when at most this many times the target count remain.
 SURPLUS = 1.01
 
 
 def spread(n: int, count: int) -> NDArray[np.int64]:
     """``count`` indices spread evenly over 0 to n - 1, in order, (count,) int64.
 
-    Without repetition where n >= count; else each index comes ⌊count / n⌋ or ⌈count / n⌉ times.
+    Without repetition if n >= count; otherwise each index occurs ⌊count / n⌋ or ⌈count / n⌉ times.
 
     >>> spread(10, 4)
     array([0, 2, 5, 7])
@@ -24,13 +24,13 @@ def spread(n: int, count: int) -> NDArray[np.int64]:
 
 
 def fixed_count(points: NDArray[np.float32], count: int) -> NDArray[np.float64]:
-    """Exactly ``count`` points of (n, 3), metres, spread over what they cover: (count, 3) float64.
+    """Exactly ``count`` points, spread over the points (n, 3) in metres: (count, 3) float64.
 
-    More points are reduced to the means of the voxels of a cubic grid, whose size is searched so
-    that just at least ``count`` remain; what is still too many is left out evenly along the grid.
-    So far as PointNetVLAD's published code (mikacuy/pointnetvlad, submap_generation), which goes
-    to just below the count and fills up at random. Fewer points are repeated evenly; no points
-    give zeros. The points are sorted first, so that their order does not matter at all.
+    More points are reduced to voxel means of a cubic grid, whose size is chosen so that slightly
+    more than ``count`` remain; the surplus is dropped evenly along the grid. PointNetVLAD's
+    published code (mikacuy/pointnetvlad, submap_generation) goes to just below the count instead
+    and adds random points. Fewer points are repeated evenly; no points give zeros. Points are
+    sorted first, so that their order does not matter.
 
     >>> fixed_count(np.array([[1, 2, 3]], dtype=np.float32), 2)
     array([[1., 2., 3.],
@@ -40,27 +40,27 @@ def fixed_count(points: NDArray[np.float32], count: int) -> NDArray[np.float64]:
         return np.zeros((count, 3))
     points = points[np.lexsort(points.T[::-1])]
     size = voxel_size(points, count) if len(points) > count else None
-    chosen = points.astype(np.float64) if size is None else voxel_means(points, size)
-    return chosen[spread(len(chosen), count)]
+    cloud = points.astype(np.float64) if size is None else voxel_means(points, size)
+    return cloud[spread(len(cloud), count)]
 
 
 def voxel_size(points: NDArray[np.float32], count: int) -> float | None:
-    """A voxel size, metres, that leaves at least ``count`` of the points (n, 3), just so.
+    """A voxel size, metres, that leaves ``count`` or slightly more of the points (n, 3).
 
-    None where not even the smallest voxels leave as many, that is where points coincide. The
-    number of voxels falls with their size but for small ups and downs, hence "just so".
+    None if even the smallest voxels leave fewer, i.e. if points coincide. The number of voxels
+    decreases with their size, apart from small fluctuations.
     """
     low, high = SMALLEST, LARGEST
     if _occupied(points, low) < count:
         return None
     while high > 1.001 * low:
         middle = math.sqrt(low * high)
-        left = _occupied(points, middle)
-        if left < count:
+        voxels = _occupied(points, middle)
+        if voxels < count:
             high = middle
             continue
         low = middle
-        if left <= SURPLUS * count:
+        if voxels <= SURPLUS * count:
             break
     return low
 
@@ -86,7 +86,7 @@ def _occupied(points: NDArray[np.float32], size: float) -> int:
 
 
 def _keys(points: NDArray[np.float32], size: float) -> NDArray[np.int64]:
-    """One number a voxel, (n,) int64; at a millimetre it holds 2 km each way."""
+    """One number per voxel, (n,) int64; with voxels of 1 mm it is unique within 2 km."""
     cells = np.floor(points / np.float32(size)).astype(np.int64)
     cells -= cells.min(axis=0)
     _, y, z = cells.max(axis=0) + 1

@@ -1,4 +1,4 @@
-"""RING++'s input: six images from above, of the features of the points' neighbourhoods."""
+"""RING++'s input: six bird's-eye images of features of the points' neighbourhoods."""
 
 from dataclasses import dataclass, field
 
@@ -20,12 +20,12 @@ STRETCH = 70.0 / 19.0
 class FeatureBevRaster(Raster, kind="features"):
     """The largest of each local feature in a pillar, masked to the inscribed disc.
 
-    Cells and mask are those of `deepring.rasters.bev.bev_occupancy`; empty cells hold 0, which no
-    feature is below. The points are reduced to the means of voxels of ``voxel`` metres, their
-    heights multiplied by ``stretch``, and the features taken of their ``neighbours`` nearest
-    (`deepring.rasters.local_features`), in stretched metres. The published code (lus6-Jenny/RING)
-    stretches alike and takes every point; here what a scan costs is bounded, and places are
-    sampled alike near and far.
+    Cells and mask are those of `deepring.rasters.bev.bev_occupancy`; empty cells are 0, and no
+    feature is negative. The points are reduced to the means of voxels of ``voxel`` metres, their
+    heights are multiplied by ``stretch``, and features are computed over the ``neighbours``
+    nearest points (`deepring.rasters.local_features`), in stretched metres. The published code
+    (lus6-Jenny/RING) stretches too but uses every point; voxels bound the cost of a scan and
+    sample near and far places equally densely.
 
     >>> FeatureBevRaster(cells=40).shape
     (6, 40, 40)
@@ -57,7 +57,7 @@ class FeatureBevRaster(Raster, kind="features"):
         """Largest features, (6, cells, cells) float16."""
         image = np.zeros((len(FEATURES), self.cells**2))
         if len(points):
-            # Sorted, so that sums, and ties between neighbours, do not know the points' order.
+            # Sorted, so that sums and ties do not depend on the order of the points.
             means = voxel_means(points[np.lexsort(points.T[::-1])], self.voxel)
             features = local_features(means * [1.0, 1.0, self.stretch], self.neighbours)
             x, y = np.floor((means[:, :2] + self.extent) * (self.cells / (2 * self.extent))).T

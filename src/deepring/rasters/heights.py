@@ -16,13 +16,13 @@ class HeightRaster(Raster, kind="heights"):
 
     Height comes first, so that a batch is (b, channels, θ, r) and a turn of the scan by
     +2π / sectors rolls axis -2 by +1, as in all other rasters. The published code
-    (MaverickPeter/DiSCO-pytorch) has (height, r, θ). ``layers`` of equal height share ``height``,
-    metres above the ground; what lies outside is left out.
+    (MaverickPeter/DiSCO-pytorch) has (height, r, θ). ``layers`` of equal height divide ``height``,
+    metres above the ground; points outside are ignored.
 
     The published code crops z to 2 to 20 m above the vehicle's frame and cuts ±20 m into 20 layers
-    of 2 m, of which 11 are always empty; ``height=(-20, 20)`` gives its layers. It leaves out the
-    10 m square around the sensor and counts what lies beyond ``radius`` in the square's corners
-    to the last ring; neither is done here.
+    of 2 m, of which 11 are always empty; ``height=(-20, 20)`` gives its layers. It also drops the
+    10 m square around the sensor and adds points beyond ``radius`` in the square's corners to the
+    last ring; this class does neither.
 
     >>> HeightRaster(layers=4).shape
     (4, 120, 40)
@@ -52,7 +52,7 @@ class HeightRaster(Raster, kind="heights"):
         return (self.layers, self.sectors, self.rings)
 
     def rasterize(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Occupied cells."""
+        """Occupied cells (layers, sectors, rings) bool."""
         return polar_layers(points, self.radius, self.height, self.shape)
 
 
@@ -69,8 +69,8 @@ def polar_layers(
     Args:
         points: (n, 3) float32, metres, z above the ground.
         radius: outer radius, metres.
-        height: [low, high) that the layers share equally, metres; the lowest comes first.
-        shape: layers, sectors and rings.
+        height: [low, high) that the layers divide equally, metres, lowest first.
+        shape: numbers of layers, sectors and rings.
 
     >>> points = np.array([[0.0, 30.0, 9.0]], dtype=np.float32)
     >>> np.argwhere(polar_layers(points, 40.0, (0.0, 10.0), (5, 8, 4)))

@@ -1,17 +1,17 @@
-"""Six features of each point's neighbourhood: what RING++ sees instead of occupancy.
+"""Six features of each point's neighbourhood, which RING++ takes instead of occupancy.
 
 Xu et al. 2023, RING++ (T-RO), whose published code (lus6-Jenny/RING, `generate_bev_feats`) takes
-them from LPD-Net (Liu et al. 2019). With λ1 >= λ2 >= λ3 the eigenvalues of the covariance of a
-point's nearest neighbours, itself among them, and μ1 >= μ2 those of its part in x and y:
+them from LPD-Net (Liu et al. 2019). λ1 >= λ2 >= λ3 are the eigenvalues of the covariance of a
+point and its nearest neighbours, μ1 >= μ2 those of its part in x and y:
 
     curvature     λ3 / (λ1 + λ2 + λ3)                        0 on a line or a plane, 1/3 in a ball
-    omnivariance  (λ1 λ2 λ3)^(1/3) / (λ1 + λ2 + λ3)          as above
+    omnivariance  (λ1 λ2 λ3)^(1/3) / (λ1 + λ2 + λ3)          likewise
     entropy       -Σ p_i log p_i, p_i = λ_i / Σ λ            0 on a line, log 2, log 3
-    flatness      μ2 / μ1                                    0 on a wall, 1 where round from above
+    flatness      μ2 / μ1                                    0 on a wall, 1 if round from above
     reach         largest z - smallest z
     variance      of z
 
-None changes with a turn about z or a translation.
+All are invariant to turns about z and to translations.
 """
 
 from typing import Any
@@ -26,11 +26,11 @@ FEATURES = ("curvature", "omnivariance", "entropy", "flatness", "reach", "varian
 def local_features(points: NDArray[Any], neighbours: int = 30) -> NDArray[np.float64]:
     """The features of each of the points (n, 3): (n, 6) float64, in the order of `FEATURES`.
 
-    Lengths are in the unit of the points. A ratio of zeros is 0, so that a point alone has zeros.
+    Lengths are in the unit of the points. 0 / 0 counts as 0, so that a lone point has zeros.
 
     Args:
         points: (n, 3), finite.
-        neighbours: points in a neighbourhood, itself included; all where there are fewer.
+        neighbours: points per neighbourhood, the point itself included; at most n.
 
     >>> wall = np.array([[x, 0, z] for x in range(5) for z in range(5)])
     >>> local_features(wall, 25)[0].round(2).tolist()
@@ -59,13 +59,12 @@ def local_features(points: NDArray[Any], neighbours: int = 30) -> NDArray[np.flo
 
 
 def nearest(points: NDArray[np.float64], neighbours: int) -> NDArray[np.int64]:
-    """Indices of the nearest points of each, itself included: (n, min(neighbours, n)) int64."""
+    """Indices of each point's nearest points, itself included: (n, min(neighbours, n)) int64."""
     from scipy.spatial import cKDTree
 
     count = min(neighbours, len(points))
-    _, indices = cKDTree(points).query(points, k=count)
-    found: NDArray[np.int64] = indices.reshape(len(points), count)
-    return found
+    indices: NDArray[np.int64] = cKDTree(points).query(points, k=count)[1]
+    return indices.reshape(len(points), count)
 
 
 def _shares(eigenvalues: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""A fixed number of points of a scan, whatever their order: PointNetVLAD's input."""
+"""A fixed number of points per scan, in no particular order: PointNetVLAD's input."""
 
 import math
 from dataclasses import dataclass, field
@@ -18,12 +18,12 @@ from deepring.rasters.preprocessing import Preprocessing
 class PointsRaster(Raster, kind="points"):
     """PointNetVLAD's input: ``count`` points in [-1, 1], (count, 3) float16.
 
-    Points beyond the disc of ``extent`` metres are left out, as the BEV's mask does, and all
-    three coordinates are divided by ``extent``: z = 1 is ``extent`` above the ground, and shapes
-    keep their proportions. The original (Uy and Lee 2018, Sec. 5) moves submaps of 20 m to their
+    Points beyond the disc of ``extent`` metres are dropped, as in the BEV, and all three
+    coordinates are divided by ``extent``: z = 1 is ``extent`` above the ground, and shapes keep
+    their proportions. The original (Uy and Lee 2018, Sec. 5) moves submaps of 20 m to their
     centroid and scales them to a mean distance of 0.5; here the sensor stays the origin, and the
-    scale is the same for all scans. A scan without points gives zeros. Half precision is off by at
-    most 1.7 cm at 70 m and 9 mm below 35 m. See `deepring.rasters.downsample` for the count.
+    scale is the same for all scans. A scan without points gives zeros. The rounding error is at
+    most 1.7 cm at 70 m and 9 mm below 35 m. `deepring.rasters.downsample` fixes the count.
 
     >>> points = np.array([[35.0, 0.0, 7.0]], dtype=np.float32)
     >>> PointsRaster(count=2, preprocessing=Preprocessing(clearance=None))(points, ground_z=0.0)
@@ -51,17 +51,17 @@ class PointsRaster(Raster, kind="points"):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Points, and three for x, y, z."""
+        """Number of points, and 3 for x, y, z."""
         return (self.count, 3)
 
     def rasterize(self, points: NDArray[np.float32]) -> NDArray[np.float16]:
         """Points in units of ``extent``, (count, 3) float16, z above the ground."""
-        kept = within(points, self.extent)
-        return (fixed_count(kept, self.count) / self.extent).astype(np.float16)
+        near = within(points, self.extent)
+        return (fixed_count(near, self.count) / self.extent).astype(np.float16)
 
     @property
     def sectors(self) -> int:
-        """Points can be turned by any angle; whole degrees are offered."""
+        """360: points can be turned by any angle, and whole degrees suffice."""
         return 360
 
     def turned(self, images: Tensor, sectors: Tensor) -> Tensor:

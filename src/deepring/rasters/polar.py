@@ -51,8 +51,8 @@ def polar_gram(
     Args:
         points: (n, 3) float32, metres.
         radius: outer radius, metres.
-        sectors: rows, over the whole turn.
-        rings: columns, of equal width.
+        sectors: number of rows, over the full turn.
+        rings: number of columns, of equal width.
 
     >>> points = np.array([[0.0, 30.0, 1.0]], dtype=np.float32)  # to the left
     >>> np.argwhere(polar_gram(points, radius=40, sectors=8, rings=4))

@@ -1,4 +1,4 @@
-"""Crop and ground removal: from a raw scan to the points that tell places apart."""
+"""Crop and ground removal: from a raw scan to the points that distinguish places."""
 
 import math
 from dataclasses import dataclass
@@ -12,12 +12,13 @@ from deepring.errors import ConfigError, DataError
 
 @dataclass(frozen=True)
 class Preprocessing:
-    """What is kept of a scan. Heights are metres above the nominal ground under the sensor.
+    """Crops a scan. Heights are metres above the nominal ground under the sensor.
 
-    ``height`` is the kept band. ``clearance`` is the height above the local ground below which
-    points are dropped, local ground being the lowest point within ``window`` x ``window`` cells
-    of ``cell`` metres; None trusts the band alone, as RING's published code does (1 to 20 m).
-    The local minimum holds where the platform tilts: at 3° a flat floor rises 3.7 m over 70 m.
+    Points outside the band ``height`` or beyond ``extent`` are dropped, and those less than
+    ``clearance`` above the local ground, the lowest point within ``window`` x ``window`` cells of
+    ``cell`` metres. None for ``clearance`` uses the band alone, as RING's published code does (1
+    to 20 m). The local minimum also works on a tilted platform: at 3° a flat floor rises 3.7 m
+    over 70 m.
 
     >>> points = np.array([[5, 0, -1.7], [6, 0, 0.3]], dtype=np.float32)  # the ground, and a wall
     >>> Preprocessing(height=(1.0, 20.0), clearance=None)(points, ground_z=-1.7)
@@ -42,12 +43,12 @@ class Preprocessing:
 
     @property
     def side(self) -> int:
-        """Cells a side of the grid of the ground."""
-        # One to spare, so that rounding at the far border stays inside.
+        """Cells per side of the ground's grid."""
+        # One spare cell keeps rounding at the far border inside.
         return math.ceil(2 * self.extent / self.cell) + 1
 
     def __call__(self, points: NDArray[np.float32], ground_z: float) -> NDArray[np.float32]:
-        """Kept points (m, 3) with z above the nominal ground, of (n, 3) in the scan's frame.
+        """Cropped points (m, 3), z above the nominal ground, of points (n, 3) in the scan's frame.
 
         ``ground_z`` is the z of the ground under the sensor in the scan's frame (metres).
         """
@@ -55,24 +56,24 @@ class Preprocessing:
 
         low, high = (height + ground_z for height in self.height)
         points = contiguous_points(points)
-        kept = np.empty((len(points) + 1, 3), dtype=np.float32)
+        crop = np.empty((len(points) + 1, 3), dtype=np.float32)
         if self.clearance is None:
-            count = _kernels.in_box(points, self.extent, low, high, kept)
+            count = _kernels.in_box(points, self.extent, low, high, crop)
         else:
             flat, side = coordinates(points), self.side
             cells = np.empty(len(points), dtype=np.uint32)
             _kernels.ground_cells(flat, self.extent, low, high, self.cell, side, cells)
             floor = self.floor(flat, cells)
-            count = _kernels.keep_above(flat, cells, floor, np.float32(self.clearance), kept)
-        kept = kept[:count]
-        kept[:, 2] -= np.float32(ground_z)
-        return kept
+            count = _kernels.keep_above(flat, cells, floor, np.float32(self.clearance), crop)
+        crop = crop[:count]
+        crop[:, 2] -= np.float32(ground_z)
+        return crop
 
     def floor(self, flat: NDArray[np.float32], cells: NDArray[np.uint32]) -> NDArray[np.float32]:
         """Height of the local ground (side² + 1,) in each flat cell of the grid.
 
-        ``cells`` are those of the points ``flat`` (3 n,). Points that do not count are in the cell
-        behind the last, where the ground is above everything.
+        ``cells`` are those of the points ``flat`` (3 n,). Dropped points are in the cell after the
+        last, whose ground is infinitely high.
         """
         from deepring.rasters import _bev_kernels as _kernels
 
@@ -90,7 +91,7 @@ def coordinates(points: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def contiguous_points(points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The points as contiguous float32. Raises DataError unless they are (n, 3) or wider."""
+    """The points as contiguous float32. Raises DataError unless their shape is (n, >=3)."""
     if points.ndim != 2 or points.shape[1] < 3:
         raise DataError(f"points: shape {points.shape}, expected (n, 3)")
     return np.ascontiguousarray(points, dtype=np.float32)

@@ -1,4 +1,4 @@
-"""The range image: nearest return in each direction (paper, Sec. III-A)."""
+"""The range image: the nearest return in each direction (paper, Sec. III-A)."""
 
 import math
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from deepring.rasters.preprocessing import Preprocessing, coordinates
 
 @dataclass(frozen=True)
 class RangeRaster(Raster, kind="range"):
-    """Closeness of the nearest return: (sectors, rows) float16, off by 4 cm at 80 m.
+    """Closeness of the nearest return: (sectors, rows) float16, with an error of 4 cm at 80 m.
 
     >>> RangeRaster(rows=16).shape
     (120, 16)
@@ -68,11 +68,11 @@ def range_image(
 
     Args:
         points: (n, 3) float32, metres, z above the ground.
-        sectors: azimuths over the whole turn.
-        rows: elevations, the lowest first.
+        sectors: number of azimuths over the full turn.
+        rows: number of elevations, lowest first.
         elevation: lowest and highest elevation, degrees.
-        viewpoint: height above the ground from which ranges are taken, metres.
-        max_range: metres.
+        viewpoint: height of the origin of ranges above the ground, metres.
+        max_range: range of closeness 0, metres.
 
     >>> points = np.array([[20.0, 0.1, 1.8], [40.0, 0.1, 1.8]], dtype=np.float32)
     >>> range_image(points, sectors=2, rows=1, max_range=80.0).round(2)

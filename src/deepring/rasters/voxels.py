@@ -18,17 +18,16 @@ from deepring.rasters.points import within
 from deepring.rasters.preprocessing import Preprocessing
 
 PADDING = int(np.iinfo(np.int16).min)
-"""Fills the rows after the last voxel where scans of a batch are padded; no index is this low."""
+"""Value of the rows after the last voxel; no index is this low."""
 
 
 @dataclass(frozen=True)
 class VoxelRaster(Raster, kind="voxels"):
     """Occupied cylindrical voxels (θ, r, z), padded to ``max_voxels`` rows: int16.
 
-    The indices and their order are those of `cylindrical_voxels`, of the points less than
-    ``radius`` metres away; the rows after the last are filled with `PADDING`, which no index is.
-    Where a scan has more than ``max_voxels``, rows spread evenly over that order are kept: every
-    direction loses the same share.
+    Indices and order are those of `cylindrical_voxels` for points less than ``radius`` metres
+    away, followed by rows of `PADDING`. Of more than ``max_voxels`` voxels, evenly spread ones in
+    that order remain, so that every direction loses the same share.
 
     >>> VoxelRaster(max_voxels=100).shape
     (100, 3)
@@ -52,13 +51,13 @@ class VoxelRaster(Raster, kind="voxels"):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Voxels, and three for θ, r, z."""
+        """Number of voxels, and 3 for θ, r, z."""
         return (self.max_voxels, 3)
 
     def rasterize(self, points: NDArray[np.float32]) -> NDArray[np.int16]:
         """Indices of the occupied voxels, then padding, (max_voxels, 3) int16."""
-        kept = within(points, self.radius)
-        voxels = cylindrical_voxels(kept, self.degrees, self.ring, self.height)
+        near = within(points, self.radius)
+        voxels = cylindrical_voxels(near, self.degrees, self.ring, self.height)
         if len(voxels) > self.max_voxels:
             voxels = voxels[spread(len(voxels), self.max_voxels)]
         rows = np.full(self.shape, PADDING, dtype=np.int16)
@@ -73,16 +72,16 @@ class VoxelRaster(Raster, kind="voxels"):
     def turned(self, images: Tensor, sectors: Tensor) -> Tensor:
         """Voxels (n, max_voxels, 3) turned by ``sectors`` (n,), counter-clockwise.
 
-        The order of the rows is not restored; networks sort them themselves.
+        The rows are not sorted again; networks sort them.
         """
         theta = images[..., 0].long()
-        turned = (theta + sectors[:, None]) % self.sectors
-        theta = torch.where(theta == PADDING, theta, turned).to(images.dtype)
+        angles = (theta + sectors[:, None]) % self.sectors
+        theta = torch.where(theta == PADDING, theta, angles).to(images.dtype)
         return torch.cat([theta[..., None], images[..., 1:]], dim=-1)
 
 
 def sectors_of(degrees: float) -> int:
-    """Sectors in a turn; ConfigError where ``degrees`` does not divide 360.
+    """Number of sectors per turn. Raises ConfigError unless ``degrees`` divides 360.
 
     >>> sectors_of(0.5)
     720
@@ -102,17 +101,17 @@ def cylindrical_voxels(
     """Occupied voxels (θ, r, z) of a scan, (m, 3) int16, unique and in lexicographic order.
 
     Sector 0 begins at azimuth -π, behind the sensor, and sectors count counter-clockwise, as in
-    EgoNN's code. There the one azimuth +π has a sector of its own; here it falls into sector 0.
-    The order of the points does not matter. A scan without points has no voxels.
+    EgoNN's code, where azimuth +π has its own sector; here it falls into sector 0. The order of
+    the points does not matter. A scan without points has no voxels.
 
     Args:
         points: (n, 3) float32, metres.
         degrees: width of a sector; divides 360.
         ring: depth of a ring, metres.
-        height: of a layer, metres; layer 0 begins at z = 0.
+        height: height of a layer, metres; layer 0 begins at z = 0.
 
     Raises:
-        ConfigError: a bad step.
+        ConfigError: an invalid step.
         DataError: a coordinate that is not finite or an index beyond int16.
 
     >>> points = np.array([[10.0, 0.1, 1.0], [10.0, 0.2, 1.1]], dtype=np.float32)
@@ -127,7 +126,7 @@ def cylindrical_voxels(
     cells[2] /= height
     if cells.size == 0:
         return np.empty((0, 3), dtype=np.int16)
-    # Written so that NaN fails, too.
+    # Written so that NaN fails too.
     if not np.abs(cells).max() < -PADDING:
         raise DataError(
             f"points: {cells.shape[1]} points with a coordinate that is not finite or with a voxel "

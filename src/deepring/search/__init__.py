@@ -1,1 +1,1 @@
-"""Looking places up: exhaustive and two-stage search over maps of up to millions of places."""
+"""Indexes: exhaustive and two-stage search among up to millions of places."""

@@ -7,12 +7,12 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
-#: Codes whose sums are computed at once, in the processor's nearest cache.
+#: Codes whose sums are computed at once, within the processor's first cache.
 LOT = 512
 
 
 def _read(number):
-    """A stored number as float32; uint16 are the upper halves of float32, that is bfloat16."""
+    """A stored number as float32; uint16 is bfloat16, the upper half of a float32."""
 
 
 @overload(_read)
@@ -26,8 +26,9 @@ def _read_typed(number):
 @njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def cross_spectrum(query, place, scale, real, imaginary):
-    """Σ_ω Q(k, ω) conj D(k, ω) of a query (k, 2, w) float32 with a place (k, 2, w) of any
-    precision, times ``scale`` (k,), into ``real`` and ``imaginary`` (k,)."""
+    """Write Σ_ω Q(k, ω) conj D(k, ω) times ``scale`` (k,) into ``real`` and ``imaginary`` (k,).
+
+    The query (k, 2, w) is float32, the place (k, 2, w) of any precision."""
     for k in range(place.shape[0]):
         re, im = np.float32(0), np.float32(0)
         for w in range(place.shape[2]):
@@ -43,22 +44,22 @@ def cross_spectrum(query, place, scale, real, imaginary):
 def search(
     queries, query_tails, places, scales, tails, which, first, basis, step, score, place, shift
 ):
-    """Go through the places numbered ``which`` and keep the best of each query.
+    """Search the places numbered ``which`` and keep the best of each query.
 
-    The largest value of a curve is at most the sum of the sizes of its frequencies. After each
-    ``step`` of them, the others add at most the product of what is left of query and place: a
-    place that cannot reach the last of the best is read no further.
+    The largest value of a curve is at most the sum of the magnitudes of its frequencies. After
+    each ``step`` frequencies, the rest add at most the product of the tail norms of query and
+    place: a place that cannot beat the last of the best is skipped.
 
     queries (q, k, 2, w) float32 and their tail norms (q, c), places (n, k, 2, w), scales (n, k)
-    and tail norms (n, c); ``first`` is added to the places' numbers; basis (2, k, θ): cosines and
-    sines with the weights of the inverse transform. The best so far, best first: score (q, best)
-    float32, place and shift (q, best) int64.
+    and tail norms (n, c); ``first`` is added to the places' numbers; basis (2, k, θ) is the
+    weighted cosines and sines of the inverse transform. The best so far, best first: score (q,
+    best) float32, place and shift (q, best) int64.
     """
     frequencies, rows = basis.shape[1], basis.shape[2]
     real, imaginary = np.empty(frequencies, np.float32), np.empty(frequencies, np.float32)
     curve = np.empty(rows, np.float32)
     last = score.shape[1] - 1
-    # A place is read from memory once and compared with all queries, which stay in the cache.
+    # Each place is read from memory once and compared with all queries, which stay in the cache.
     for i in range(which.shape[0]):
         one, scale, tail = places[which[i]], scales[which[i]], tails[which[i]]
         for b in range(queries.shape[0]):
@@ -73,7 +74,7 @@ def search(
                 reach = bound
                 if end < frequencies:
                     reach += query_tails[b, start // step] * tail[start // step]
-                # All are rounded: the bound has to hold all the same.
+                # Numbers are rounded; the factor keeps the bound valid.
                 if reach * np.float32(1.00001) <= score[b, last]:
                     break
             if reach * np.float32(1.00001) <= score[b, last]:
@@ -90,7 +91,7 @@ def search(
 @njit(cache=True, nogil=True)
 @no_type_check
 def insert(score, place, shift, value, number, turn):
-    """Put a new value where it belongs among the best, behind equal ones, and drop the last."""
+    """Insert a value in order among the best, after equal ones, and drop the last."""
     k = score.shape[0] - 1
     while k > 0 and value > score[k - 1]:
         score[k], place[k], shift[k] = score[k - 1], place[k - 1], shift[k - 1]
@@ -101,8 +102,9 @@ def insert(score, place, shift, value, number, turn):
 @njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def code_scores(queries, codes, out):
-    """Σ_k |Σ_p Q(k, p) conj D(k, p)| of queries (q, k, p, 2) float32 with the first n of codes
-    (k, p, 2, N) int8: ``out`` (q, n) float32."""
+    """Write Σ_k |Σ_p Q(k, p) conj D(k, p)| into ``out`` (q, n) float32.
+
+    Queries are (q, k, p, 2) float32; the first n of the codes (k, p, 2, N) int8 count."""
     real, imaginary = np.empty(LOT, np.float32), np.empty(LOT, np.float32)
     for start in range(0, out.shape[1], LOT):
         lot = min(LOT, out.shape[1] - start)
@@ -114,9 +116,9 @@ def code_scores(queries, codes, out):
                 imaginary[:lot] = 0
                 for p in range(codes.shape[1]):
                     u, v = queries[b, k, p, 0], queries[b, k, p, 1]
-                    some = codes[k, p, :, start : start + lot]
+                    part = codes[k, p, :, start : start + lot]
                     for i in range(lot):
-                        x, y = np.float32(some[0, i]), np.float32(some[1, i])
+                        x, y = np.float32(part[0, i]), np.float32(part[1, i])
                         real[i] += u * x + v * y
                         imaginary[i] += v * x - u * y
                 for i in range(lot):

@@ -1,9 +1,9 @@
-"""A short code of a place whose comparison needs no search over rotations.
+"""Short codes of places, which are compared without a search over rotations.
 
 The correlation over rotations α of two descriptors is Σ_k exp(ikα) c_k, c_k = Σ_ω Q(k, ω) conj
-D(k, ω) over θ-frequencies k. Its maximum is at most Σ_k |c_k|, which no rotation changes. A code
-keeps the lowest frequencies and, for each, the first principal components over ω, as int8; the
-bound computed from codes sorts places well enough that exact correlation of the best few hundred
+D(k, ω) over θ-frequencies k. Its maximum is at most Σ_k |c_k|, which is invariant to rotation. A
+code holds the lowest frequencies and the first principal components over ω of each, as int8; the
+bound computed from codes ranks places well enough that exact correlation of the best few hundred
 finds the best of all.
 """
 
@@ -31,28 +31,27 @@ class CodeSettings:
 
 
 class Code(NamedTuple):
-    """How codes are made from descriptors."""
+    """An encoder of descriptors as codes."""
 
     basis: Float32[Tensor, "omega p"]
     """(ω, p) orthonormal float32, principal directions of the rows of descriptors."""
     step: Float32[Tensor, "k p"]
-    """(k, p) float32: the value of one int8 step."""
+    """(k, p) float32: value of one int8 step."""
     rows: int
-    """θ of the descriptors."""
+    """Rows θ of the descriptors."""
 
     def encode(
         self, descriptors: Float[Tensor, "n theta omega"]
     ) -> Int8[Tensor, "frequency component 2 n"]:
-        """Codes (k, p, 2, n) int8 of descriptors (n, θ, ω): real and imaginary parts, places
-        last."""
+        """Codes (k, p, 2, n) int8 of descriptors (n, θ, ω), real and imaginary parts."""
         scaled = self._project(descriptors) / self.step[..., None]
         return scaled.round().clamp(-127, 127).char().permute(1, 2, 3, 0).contiguous()
 
     def queries(
         self, descriptors: Float[Tensor, "q theta omega"]
     ) -> Float32[Tensor, "q frequency component 2"]:
-        """Queries (q, k, p, 2) float32 that codes are scored with."""
-        # Frequencies other than 0 and θ / 2 occur twice; the inverse DFT divides by θ.
+        """Queries (q, k, p, 2) float32 for `code_scores`."""
+        # Frequencies except 0 and θ / 2 occur twice; the inverse DFT divides by θ.
         weight = torch.full((len(self.step), 1, 1), 2.0 / self.rows, device=descriptors.device)
         weight[0] = 1.0 / self.rows
         if 2 * (len(weight) - 1) == self.rows:
@@ -63,12 +62,12 @@ class Code(NamedTuple):
         self, descriptors: Float[Tensor, "n theta omega"]
     ) -> Float32[Tensor, "n frequency component 2"]:
         spectrum = theta_spectrum(descriptors)[:, : len(self.step)]
-        planes = torch.view_as_real(spectrum)  # (n, k, ω, 2)
-        return torch.einsum("nkwc,wp->nkpc", planes, self.basis)
+        parts = torch.view_as_real(spectrum)  # (n, k, ω, 2)
+        return torch.einsum("nkwc,wp->nkpc", parts, self.basis)
 
 
 def fit_code(descriptors: Float[Tensor, "n theta omega"], settings: CodeSettings) -> Code:
-    """A code for descriptors like these (n, θ, ω); smaller where they have less to give."""
+    """A code fitted to descriptors (n, θ, ω); smaller than the settings if θ or ω is small."""
     rows, columns = descriptors.shape[1:]
     frequencies = min(settings.frequencies, rows // 2 + 1)
     components = min(settings.components, columns)
@@ -77,7 +76,7 @@ def fit_code(descriptors: Float[Tensor, "n theta omega"], settings: CodeSettings
     basis = directions.flip(-1)[:, :components].float().contiguous()
     unscaled = Code(basis, torch.ones(frequencies, components, device=basis.device), rows)
     magnitudes = unscaled._project(descriptors).abs().permute(1, 2, 0, 3).flatten(2)
-    # One value in a thousand is cut off, so that outliers do not coarsen the rest.
+    # One value in a thousand is clipped, so that outliers do not reduce the precision of the rest.
     largest = magnitudes.sort(dim=-1).values[..., int(0.999 * (magnitudes.shape[-1] - 1))]
     return Code(basis, largest.clamp_min(1e-30) / 127, rows)
 
@@ -87,8 +86,9 @@ def code_scores(
     codes: Int8[Tensor, "frequency component 2 n"],
     number: int | None = None,
 ) -> Float32[Tensor, "q _"]:
-    """Σ_k |c_k| (q, n) float32 of queries (q, k, p, 2) float32 with codes (k, p, 2, n) int8, or
-    with the first ``number`` of them."""
+    """Σ_k |c_k| (q, n) float32 of queries (q, k, p, 2) float32 with codes (k, p, 2, n) int8.
+
+    ``number`` limits them to the first codes."""
     number = codes.shape[-1] if number is None else number
     if queries.device.type == "cpu":
         from deepring.search import _correlation_kernels as _kernels
@@ -97,5 +97,5 @@ def code_scores(
         _kernels.code_scores(queries.numpy(), codes.contiguous().numpy(), out.numpy())
         return out
     complex_queries = torch.view_as_complex(queries).transpose(0, 1)
-    planes = codes[..., :number].float()
-    return torch.bmm(complex_queries, torch.complex(planes[:, :, 0], -planes[:, :, 1])).abs().sum(0)
+    parts = codes[..., :number].float()
+    return torch.bmm(complex_queries, torch.complex(parts[:, :, 0], -parts[:, :, 1])).abs().sum(0)

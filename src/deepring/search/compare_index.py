@@ -10,30 +10,30 @@ from deepring.checks import count
 from deepring.search.block_store import BlockStore
 from deepring.search.hits import Best, Hits
 
-#: Places that are compared at once.
+#: Places compared at once.
 _CHUNK = 1024
 
 
-class Compared(Protocol):
-    """What `Comparer.compare` gives: scores, and turns or None, each (q, d)."""
+class Scores(Protocol):
+    """The result of `Comparer.compare`."""
 
     @property
     def score(self) -> Float[Tensor, "q d"]:
-        """(q, d)."""
+        """(q, d); higher is more similar."""
         ...
 
     @property
     def turn(self) -> Float[Tensor, "q d"] | None:
-        """(q, d) radians; None where not known."""
+        """(q, d) radians; None if unknown."""
         ...
 
 
 class Comparer(Protocol):
-    """Anything that compares descriptors, such as a method."""
+    """Anything that compares descriptors, e.g. a method."""
 
     def compare(
         self, queries: Float[Tensor, " q *descriptor"], database: Float[Tensor, " d *descriptor"]
-    ) -> Compared:
+    ) -> Scores:
         """Compare descriptors (q, ...) with descriptors (d, ...)."""
         ...
 
@@ -53,7 +53,7 @@ class CompareIndex:
         self.places.add({"descriptor": descriptors})
 
     def search(self, queries: Float[Tensor, " q *descriptor"], k: int = 1) -> Hits:
-        """The ``k`` most alike places."""
+        """The ``k`` most similar places."""
         count("k", k)
         best = Best(len(queries), k, queries.device)
         for start, (part,) in self.places.chunks(_CHUNK, "descriptor"):
@@ -64,7 +64,7 @@ class CompareIndex:
     def _turns(
         self, queries: Float[Tensor, " q *descriptor"], places: Int64[Tensor, "q k"]
     ) -> Float[Tensor, "q k"] | None:
-        """Turns of the hits alone, since some methods align few entries per query."""
+        """Turns of the hits only, since some methods align few entries per query."""
         turns = []
         for query, place in zip(queries, places, strict=True):
             if not len(place):

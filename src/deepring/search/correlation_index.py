@@ -1,4 +1,4 @@
-"""Search by circular cross-correlation: of all places, or of the best by a short code."""
+"""Search by circular cross-correlation of all places, or of the best by a short code."""
 
 import math
 from collections.abc import Mapping
@@ -24,17 +24,17 @@ from deepring.search.spectra import Precision, encode, padded_spectra
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """How places are stored and looked up."""
+    """Settings of an index: storage and search."""
 
     precision: Precision = "float32"
     code: CodeSettings | None = field(default_factory=CodeSettings)
-    """None stores no codes: every search is exhaustive."""
+    """None stores no codes, and every search is exhaustive."""
     exhaustive_below: int = 20_000
-    """Places up to which all are compared."""
+    """Number of places up to which all are compared."""
     candidates: int = 500
-    """Places that the codes leave for exact comparison."""
+    """Number of places that codes select for exact comparison."""
     candidate_share: float = 0.005
-    """The same as a share of all places; the larger of the two counts."""
+    """The same as a share of all places; the larger of the two applies."""
 
     def __post_init__(self) -> None:
         one_of("search.precision", self.precision, Precision)
@@ -45,13 +45,13 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class IndexHeader:
-    """What all places of an index share."""
+    """The values that all places of an index share."""
 
     settings: SearchSettings
     period: float
     cells: float
     shape: tuple[int, int] | None
-    """(θ, ω) of the descriptors; None before the first."""
+    """(θ, ω) of the descriptors; None in an empty index."""
     shards: tuple[Shard, ...]
 
 
@@ -63,7 +63,7 @@ FORMAT = SealedFormat(
         "basis": TensorType("float32", ("ω", "components"), optional=True),
         "step": TensorType("float32", ("frequencies", "components"), optional=True),
     },
-    wanted="an index as CorrelationIndex.save writes it",
+    description="an index as CorrelationIndex.save writes it",
     remedy="build the index again and save it",
 )
 
@@ -73,9 +73,9 @@ class CorrelationIndex:
 
     Args:
         settings: precision, codes and candidates.
-        period: the range of θ, radians.
-        cells: what scores are divided by.
-        device: where places lie and are searched.
+        period: range of θ, radians.
+        cells: divisor of scores.
+        device: device that stores and searches the places.
     """
 
     def __init__(
@@ -92,13 +92,13 @@ class CorrelationIndex:
         self.code: Code | None = None
         self.shape: tuple[int, int] | None = None
         self._folder: Path | None = None
-        self._shards: tuple[Shard, ...] = ()  # the first blocks, which lie in that folder
+        self._shards: tuple[Shard, ...] = ()  # the first blocks, stored in that folder
 
     def __len__(self) -> int:
         return len(self.places)
 
     def add(self, descriptors: Float[Tensor, "..."]) -> None:
-        """Add places. The code is made for the first ones added and kept for those that follow."""
+        """Add places. The first ones added determine the code of all."""
         descriptors = self._checked(descriptors)
         if not len(descriptors):
             return
@@ -118,13 +118,13 @@ class CorrelationIndex:
         exhaustive: bool | None = None,
         before: int | None = None,
     ) -> Hits:
-        """The ``k`` places of the largest correlation, with the turn from place to query.
+        """The ``k`` places with the largest correlation, and the turn from place to query.
 
         Args:
             queries: descriptors (q, θ, ω).
-            k: places wanted.
-            exhaustive: compare all places; by default up to ``exhaustive_below`` of them.
-            before: leave out this place and those added after it.
+            k: number of places.
+            exhaustive: compare all places; by default if there are at most ``exhaustive_below``.
+            before: ignore this place and those added after it.
         """
         count("k", k)
         queries = self._checked(queries)
@@ -136,7 +136,7 @@ class CorrelationIndex:
             best = self._exact(padded_spectra(queries), k, which)
         elif self.code is None:
             raise ConfigError(
-                "exhaustive: False, but the index stores no codes; set search.code, or leave it out"
+                "exhaustive: False, but the index stores no codes; set search.code, or omit it"
             )
         else:
             best = self._among_candidates(queries, self.code, k, number)
@@ -146,10 +146,10 @@ class CorrelationIndex:
     def candidates(
         self, queries: Float[Tensor, "q theta omega"], code: Code, number: int | None = None
     ) -> Int64[Tensor, "q c"]:
-        """The places (q, c) int64, of the first ``number``, that the codes put first."""
+        """The places (q, c) int64 with the best codes among the first ``number``."""
         number = len(self) if number is None else number
         weights = code.queries(queries)
-        scores = [code_scores(weights, codes, used) for used, codes in self.places.whole("code")]
+        scores = [code_scores(weights, codes, n) for n, codes in self.places.whole("code")]
         every = torch.cat(scores, dim=1)[:, :number]
         least = math.ceil(self.settings.candidate_share * number)
         size = min(max(self.settings.candidates, least), number)
@@ -178,19 +178,18 @@ class CorrelationIndex:
         return best
 
     def save(self, folder: Path | str) -> None:
-        """Write the places to a folder and go on with them memory-mapped from there.
+        """Write the places to a folder and memory-map them from there.
 
-        Places that lie there already are neither read nor rewritten: save after each lot of
-        places to build an index larger than memory, or to add to one. Raises FileError where the
-        folder holds another index.
+        Places already in that folder are neither read nor rewritten: save repeatedly to build or
+        extend an index larger than memory. Raises FileError if the folder holds other files.
         """
         folder = Path(folder)
         blocks = self.places.blocks()
         shards = self._shards if folder == self._folder else ()
         if not shards and folder.is_dir() and any(folder.iterdir()):
             raise FileError(
-                f"index {folder}: holds files already; expected a folder that is empty or new, or "
-                "the one that this index was opened from; name such a folder"
+                f"index {folder}: a folder with files; expected an empty or new folder, or the one "
+                "that this index was opened from; choose another folder"
             )
         shards += tuple(
             write_shard(folder, number, blocks[number])
@@ -203,9 +202,9 @@ class CorrelationIndex:
 
     @classmethod
     def open(cls, folder: Path | str, *, check: bool = False) -> "CorrelationIndex":
-        """Open what `save` wrote, memory-mapped; ``check`` reads every byte first.
+        """Memory-map an index that `save` wrote; ``check`` reads and verifies every byte.
 
-        Raises FileError for anything else.
+        Raises FileError for any other folder.
         """
         folder = Path(folder)
         file = open_sealed(folder / INDEX, FORMAT, check=True)
@@ -224,10 +223,10 @@ class CorrelationIndex:
         basis: Tensor | None = None,
         step: Tensor | None = None,
     ) -> None:
-        """Take rows as `BlockStore` holds them, such as memory-mapped ones, in place of all places.
+        """Replace all places by rows of a `BlockStore`, e.g. memory-mapped ones.
 
         ``shape`` is (θ, ω) of the descriptors; ``basis`` and ``step`` are those of their code.
-        Raises DataError where these do not fit together.
+        Raises DataError if these do not match.
         """
         self.places = BlockStore()
         if rows:
@@ -242,14 +241,16 @@ class CorrelationIndex:
         self._folder, self._shards = folder, shards
 
     def _take_code(self, basis: Tensor | None, step: Tensor | None) -> None:
-        """Take the code of places that are there. Raises DataError where the two do not fit."""
+        """Set the code of the present places. Raises DataError if the two do not match."""
         self.code = None
         if basis is not None and step is not None and self.shape is not None:
             self.code = Code(basis.to(self.device), step.to(self.device), self._rows)
         for block in self.places.blocks():
             expect_block(block, self.shape, self.settings.precision, self.code)
         if self.places and (self.code is None) != (self.settings.code is None):
-            raise DataError("places without their code, or with one that the settings do not name")
+            raise DataError(
+                "codes: present but search.code is null, or missing; expected both or neither"
+            )
 
     @property
     def _rows(self) -> int:

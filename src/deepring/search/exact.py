@@ -1,4 +1,4 @@
-"""Exact correlation with all places of a map, or with some: compiled on a CPU, else in torch."""
+"""Exact correlation with all or some places: compiled on a CPU, otherwise in torch."""
 
 import torch
 from jaxtyping import Float32, Int64
@@ -8,7 +8,7 @@ from deepring.search.block_store import BlockStore
 from deepring.search.hits import Best
 from deepring.search.spectra import TAIL_STEP, Spectra, best_shift, idft_basis, tail_norms
 
-#: Floats of correlation curves that the torch form holds at once.
+#: Floats of correlation curves that `batched` holds at once.
 _CURVES = 2**24
 
 _NAMES = Spectra._fields
@@ -21,14 +21,14 @@ def compiled(
     k: int,
     which: Int64[Tensor, " n"] | None = None,
 ) -> Best:
-    """The ``k`` best of all places, or of those numbered ``which`` (n,) in ascending order.
+    """The ``k`` best of all places, or of the places ``which`` (n,), ascending numbers.
 
     Args:
-        places: rows of `Spectra` in memory.
+        places: rows of `Spectra`.
         queries: (q, k, 2, w) spectra, see `deepring.search.spectra.padded_spectra`.
-        rows: θ of the descriptors.
-        k: places wanted.
-        which: places to compare with; None takes all.
+        rows: rows θ of the descriptors.
+        k: number of places per query.
+        which: numbers of the places to compare with; None compares with all.
     """
     from deepring.search import _correlation_kernels as _kernels
 
@@ -40,13 +40,13 @@ def compiled(
     first = 0
     for block in places.blocks():
         values, scale, tails = (block[name] for name in _NAMES)
-        if values.dtype == torch.bfloat16:  # which NumPy does not know
+        if values.dtype == torch.bfloat16:  # unknown to NumPy
             values = values.view(torch.uint16)
         end = first + len(values)
-        some = (
+        part = (
             torch.arange(first, end) if which is None else which[(which >= first) & (which < end)]
         )
-        numbers = (some - first).numpy()
+        numbers = (part - first).numpy()
         arrays = (values.numpy(), scale.numpy(), tails.numpy(), numbers, first, basis, TAIL_STEP)
         _kernels.search(*spectra, *arrays, *best)
         first = end

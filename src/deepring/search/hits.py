@@ -1,4 +1,4 @@
-"""The results of a search, and a running top k while it goes through the places."""
+"""The results of a search, and a running top k during a search."""
 
 from typing import NamedTuple, Protocol
 
@@ -11,15 +11,15 @@ class Hits(NamedTuple):
     """The best places of each query, best first."""
 
     place: Int64[Tensor, "q k"]
-    """(q, k) int64: places by the order in which they were added."""
+    """(q, k) int64: numbers of the places in the order of adding."""
     score: Float32[Tensor, "q k"]
-    """(q, k) float32; higher is more alike."""
+    """(q, k) float32; higher is more similar."""
     turn: Float32[Tensor, "q k"] | None
-    """(q, k) float32 radians, the turn of the points from place to query; None if not known."""
+    """(q, k) float32 radians, the turn of the points from place to query; None if unknown."""
 
 
 class Index(Protocol):
-    """Places that can be searched and added to."""
+    """A searchable collection of places that can grow."""
 
     def __len__(self) -> int: ...
 
@@ -28,7 +28,7 @@ class Index(Protocol):
         ...
 
     def search(self, queries: Float[Tensor, " q *descriptor"], k: int = 1) -> Hits:
-        """The ``k`` most alike places, or all where there are fewer, of queries (q, ...)."""
+        """The ``k`` most similar places of queries (q, ...), or all if there are fewer."""
         ...
 
 
@@ -47,7 +47,7 @@ class Best:
         place: Int64[Tensor, "*#q n"],
         shift: Int64[Tensor, "q n"] | None = None,
     ) -> None:
-        """Further scores (q, n) of places (n,) or (q, n), later ones than before."""
+        """Add scores (q, n) of further places (n,) or (q, n), with larger numbers than before."""
         if score.shape[1] > self.k:
             score, top = score.topk(self.k, dim=1)
             place = place[top] if place.ndim == 1 else place.gather(1, top)
@@ -57,7 +57,7 @@ class Best:
         score = torch.cat([self.score, score], dim=1)
         place = torch.cat([self.place, place], dim=1)
         shift = torch.cat([self.shift, shift], dim=1)
-        # Places first, scores second: a stable order that does not depend on the chunks.
+        # Sorted by place, then stably by score: the order does not depend on the chunks.
         order = place.argsort(dim=1)
         order = order.gather(1, score.gather(1, order).argsort(dim=1, descending=True, stable=True))
         order = order[:, : self.k]

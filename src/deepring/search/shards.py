@@ -1,8 +1,8 @@
 """Blocks of rows as files: a folder of sealed shards, memory-mapped when opened.
 
-A folder grows by further shards; those before are neither rewritten nor read. What all rows share
-is in ``index.safetensors``, which is written last, so that a folder whose writing was cut short
-opens as it was before.
+A folder grows by further shards; earlier ones are neither rewritten nor read. ``index.safetensors``
+holds the values that all rows share. It is written last, so that after an interrupted write the
+folder opens in its previous state.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from deepring.search.block_store import Block, axis_of, lengths_of
 from deepring.search.code import Code
 from deepring.search.spectra import LANES, TAIL_STEP, Precision
 
-#: The file of what all rows share.
+#: The file of the values that all rows share.
 INDEX = "index.safetensors"
 
 #: Tensors of n places; see `deepring.search.spectra.Spectra` and `deepring.search.code.Code`.
@@ -30,16 +30,16 @@ ROWS = {
 
 @dataclass(frozen=True)
 class Shard:
-    """One of a folder's shards, as the index knows it."""
+    """The index's entry of one shard."""
 
     rows: int
     digest: str
-    """Of the file, see `deepring.io.sealed.Sealed`."""
+    """Digest of the file, see `deepring.io.sealed.Sealed`."""
 
 
 @dataclass(frozen=True)
 class ShardHeader:
-    """What a shard says of itself."""
+    """The header of a shard file."""
 
     number: int
 
@@ -49,21 +49,21 @@ SHARD = SealedFormat(
     1,
     ShardHeader,
     ROWS,
-    wanted="a shard as CorrelationIndex.save writes it",
+    description="a shard as CorrelationIndex.save writes it",
     remedy="copy the whole folder again, or build the index again",
 )
 
 
 def write_shard(folder: Path, number: int, block: Block) -> Shard:
-    """Write one block, whole or not at all."""
+    """Write one block, completely or not at all."""
     digest = write_sealed(_path(folder, number), SHARD, ShardHeader(number), block)
     return Shard(lengths_of(block).pop(), digest)
 
 
 def read_shards(folder: Path, shards: Sequence[Shard], *, check: bool = False) -> list[Block]:
-    """The blocks, memory-mapped; ``check`` reads every byte.
+    """Memory-map the blocks; ``check`` reads and verifies every byte.
 
-    Raises FileError for a shard that is missing, damaged, or not one of this index.
+    Raises FileError for a shard that is missing, damaged, or not part of this index.
     """
     blocks = []
     for number, shard in enumerate(shards):
@@ -71,7 +71,7 @@ def read_shards(folder: Path, shards: Sequence[Shard], *, check: bool = False) -
         file = open_sealed(path, SHARD, check=check)
         if file.digest != shard.digest:
             raise FileError(
-                f"index shard {path}: of another index or place in it, expected shard {number} "
+                f"index shard {path}: from another index or position, expected shard {number} "
                 f"with {shard.rows} rows; {SHARD.remedy}"
             )
         blocks.append(file.tensors)
@@ -81,27 +81,27 @@ def read_shards(folder: Path, shards: Sequence[Shard], *, check: bool = False) -
 def expect_block(
     block: Block, shape: tuple[int, int] | None, precision: Precision, code: Code | None
 ) -> None:
-    """Raise DataError unless a block is what descriptors of a shape (θ, ω) are kept as."""
+    """Raise DataError unless a block holds descriptors of ``shape`` (θ, ω)."""
     if shape is None:
-        raise DataError("places without the shape of their descriptors, expected (θ, ω)")
+        raise DataError("shape: missing, expected (θ, ω) of the descriptors")
     rows, columns = shape
     frequencies = rows // 2 + 1
-    expected: dict[str, tuple[int, ...]] = {
+    row_shapes: dict[str, tuple[int, ...]] = {
         "values": (frequencies, 2, columns + -columns % LANES),
         "scale": (frequencies,),
         "tails": (len(range(TAIL_STEP, frequencies, TAIL_STEP)),),
     }
     if code is not None:
-        expected["code"] = (*code.step.shape, 2)
+        row_shapes["code"] = (*code.step.shape, 2)
     shapes = {name: tuple(row.movedim(axis_of(name), 0).shape[1:]) for name, row in block.items()}
-    if shapes != expected or dtype_of(block["values"]) != precision:
+    if shapes != row_shapes or dtype_of(block["values"]) != precision:
         raise DataError(
-            f"places with rows of {shapes}; expected {precision} values in rows of {expected}, as "
-            f"descriptors of {rows} x {columns} are kept"
+            f"rows: shapes {shapes}; expected {precision} values in rows of {row_shapes}, for "
+            f"descriptors of {rows} x {columns}"
         )
     if code is not None and (len(code.basis) != columns or len(code.step) > frequencies):
         raise DataError(
-            f"a code of {len(code.basis)} ω and {len(code.step)} θ-frequencies; expected "
+            f"code: {len(code.basis)} ω and {len(code.step)} θ-frequencies; expected "
             f"{columns} and at most {frequencies}"
         )
 

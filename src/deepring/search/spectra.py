@@ -1,7 +1,7 @@
 """θ-spectra of descriptors as an index stores them, and their correlation with queries (Eq. 8).
 
-Correlating over rotations is a product for each θ-frequency, summed over ω, and one inverse
-transform after the sum. The DFT over θ is therefore stored, not the descriptor.
+The correlation over rotations is one product per θ-frequency, summed over ω, and one inverse
+transform after the sum. The index therefore stores the DFT over θ instead of the descriptor.
 """
 
 import math
@@ -16,12 +16,12 @@ from deepring.core import fourier
 from deepring.core.correlation import theta_spectrum
 
 Precision = Literal["float32", "bfloat16", "int8"]
-"""How a number of a spectrum is stored. int8 has one scale per place and θ-frequency."""
+"""Type of the stored numbers. int8 has one scale per place and θ-frequency."""
 
-#: ω is padded with zeros to a multiple of this, so that compiled loops have no remainder.
+#: ω is padded with zeros to a multiple of this number, so that compiled loops have no remainder.
 LANES = 16
 
-#: Frequencies after which a compiled loop asks whether the others can still make a place the best.
+#: Frequencies between two checks of the compiled search whether a place can still be the best.
 TAIL_STEP = 8
 
 
@@ -31,7 +31,7 @@ class Spectra(NamedTuple):
     values: Shaped[Tensor, "n k 2 w"]
     """(n, k, 2, w) real and imaginary parts, w padded with zeros."""
     scale: Float32[Tensor, "n k"]
-    """(n, k) float32: what each frequency's values are to be multiplied by."""
+    """(n, k) float32: factor of the values of each frequency."""
     tails: Float32[Tensor, "n c"]
     """(n, c) float32: norms of the frequencies from 8, 16, ... on, see `tail_norms`."""
 
@@ -49,22 +49,22 @@ def padded_spectra(
 
 
 def encode(descriptors: Float[Tensor, "n theta omega"], precision: Precision) -> Spectra:
-    """What an index stores of descriptors (n, θ, ω)."""
+    """Spectra of descriptors (n, θ, ω) for storage in an index."""
     spectra = padded_spectra(descriptors)
     scale = torch.ones(spectra.shape[:2], device=spectra.device)
     if precision == "int8":
         scale = spectra.abs().amax(dim=(-2, -1)).clamp_min(1e-30) / 127
     values = spectra / scale[..., None, None]
     values = (values.round() if precision == "int8" else values).to(getattr(torch, precision))
-    rounded = values.float() * scale[..., None, None]
-    return Spectra(values, scale, tail_norms(rounded, descriptors.shape[1]))
+    decoded = values.float() * scale[..., None, None]
+    return Spectra(values, scale, tail_norms(decoded, descriptors.shape[1]))
 
 
 def tail_norms(spectra: Float32[Tensor, "n k 2 w"], rows: int) -> Float32[Tensor, "n c"]:
     """Norms (n, c) of the spectra (n, k, 2, w) from frequency 8, 16, ... on.
 
     The frequencies from there on add at most the product of two spectra's norms to a correlation
-    (Cauchy and Schwarz), whatever the rotation. Their weights are the inverse DFT's.
+    at any rotation (Cauchy-Schwarz). They are weighted as in the inverse DFT.
     """
     weight = idft_basis(rows)[0, :, 0].to(spectra.device)
     energy = spectra.square().sum(dim=(-2, -1)) * weight
@@ -76,12 +76,12 @@ def best_shift(
 ) -> tuple[Float32[Tensor, "q n"], Int64[Tensor, "q n"]]:
     """The largest correlation (q, n) over all circular shifts of θ, and that shift, int64.
 
-    In plain torch, on whatever device the places are.
+    In plain torch, on the device of the places.
 
     Args:
         queries: (q, k, 2, w) float32, from `padded_spectra`.
-        places: n of them.
-        rows: θ of the descriptors.
+        places: spectra of n places.
+        rows: rows θ of the descriptors.
     """
     cross = cross_spectra(queries, places)
     curves = fourier.irfft(torch.view_as_complex(cross), n=rows, dim=-1)
@@ -94,18 +94,18 @@ def cross_spectra(
 ) -> Float32[Tensor, "q n k 2"]:
     """Σ_ω Q(k, ω) conj D(k, ω) for all pairs, real and imaginary parts: (q, n, k, 2) float32.
 
-    One real matrix product a frequency: rows (Re, Im) and (Im, -Re) of Q on columns of D.
+    One real matrix product per frequency: rows (Re, Im) and (Im, -Re) of Q on columns of D.
     """
     values = places.values
     real, imaginary = queries.unbind(dim=2)  # (q, k, w)
     rows = torch.stack(
         [torch.cat([real, imaginary], dim=-1), torch.cat([imaginary, -real], dim=-1)], dim=2
     )
-    left = rows.permute(1, 0, 2, 3).flatten(1, 2)  # (k, 2q, 2w)
-    right = values.flatten(2).permute(1, 2, 0)  # (k, 2w, n)
+    rows = rows.permute(1, 0, 2, 3).flatten(1, 2)  # (k, 2q, 2w)
+    columns = values.flatten(2).permute(1, 2, 0)  # (k, 2w, n)
     if values.dtype != torch.bfloat16 or values.device.type == "cpu":
-        right = right.float()
-    product = torch.bmm(left.to(right.dtype), right).float()  # (k, 2q, n)
+        columns = columns.float()
+    product = torch.bmm(rows.to(columns.dtype), columns).float()  # (k, 2q, n)
     cross = product.view(len(product), -1, 2, len(values)).permute(1, 3, 0, 2)
     return (cross * places.scale[None, :, :, None]).contiguous()
 
@@ -113,9 +113,9 @@ def cross_spectra(
 @lru_cache
 @torch.inference_mode(False)
 def idft_basis(rows: int) -> Float32[Tensor, "2 {rows}//2+1 {rows}"]:
-    """The inverse DFT of ``rows`` real values by sums: weighted cosines and sines (2, k, θ)."""
+    """Weighted cosines and sines (2, k, θ) of the inverse DFT of ``rows`` real values."""
     frequency = torch.arange(rows // 2 + 1, dtype=torch.float64)
-    # Frequencies other than 0 and θ / 2 occur twice in the full spectrum.
+    # Frequencies except 0 and θ / 2 occur twice in the full spectrum.
     single = (frequency == 0) | (2 * frequency == rows)
     weight = torch.where(single, 1.0, 2.0) / rows
     angle = 2 * math.pi / rows * frequency[:, None] * torch.arange(rows)

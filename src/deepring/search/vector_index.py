@@ -15,33 +15,33 @@ from deepring.search.hits import Best, Hits
 
 Metric = Literal["l2", "cosine"]
 
-#: Candidates beyond the ``k`` wanted. Products rank them, whose cancellation confuses neighbours
-#: that are close; candidates are then compared by their differences.
+#: Candidates beyond ``k``. Products rank them imprecisely, owing to cancellation; candidates are
+#: then compared by differences.
 SPARE = 32
 
-#: Queries that count as few: products are then taken places first.
+#: With fewer queries than this, products are computed with the places first.
 _FEW = 8
 
-#: Places that are compared at once: with few queries, with many, and by differences.
+#: Places compared at once: with few queries, with many, and by differences.
 _CHUNK_OF_FEW, _CHUNK, _CHUNK_OF_DIFFERENCES = 65_536, 16_384, 4096
 
 
 class VectorIndex:
     """Exhaustive search of float32 vectors on the CPU. Scores are -‖Q - D‖, or the cosine.
 
-    Matrix products choose candidates, and these alone are compared by their differences. For each
-    query the rounding of the products is bounded: where a place that is no candidate could still
-    be among the best, all places are compared by their differences.
+    Matrix products select candidates, and only these are compared by differences. The rounding of
+    the products is bounded for each query: if a place outside the candidates could still be among
+    the best, all places are compared by differences.
 
     Args:
         metric: 'l2' or 'cosine'.
-        vectors: makes vectors (n, d) from descriptors; by default these are flattened.
-        align: turn (k,) from each of some places (k, ...) to one query's descriptor; descriptors
-            are then stored. None: the turn is not known.
+        vectors: function from descriptors to vectors (n, d); by default flattens them.
+        align: function of one query's descriptor and places (k, ...) that returns the turns (k,)
+            from place to query; descriptors are then stored. With None, turns are unknown.
 
     Raises:
-        ConfigError: another metric, or k below 1.
-        DataError: descriptors whose vectors have another length than those of the places.
+        ConfigError: an unknown metric, or k below 1.
+        DataError: vectors of another length than those of the places.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class VectorIndex:
         return self.metric == "l2"
 
     def _by_products(self, queries: Float32[Tensor, "q d"], k: int) -> Best:
-        """The best among candidates; among all places for queries that rounding may mislead."""
+        """The best among the candidates, or among all places where rounding could matter."""
         candidates = Best(len(queries), k + SPARE)
         size = _CHUNK_OF_FEW if len(queries) < _FEW else _CHUNK
         for start, (part, offset) in self.places.chunks(size, "vector", "offset"):
@@ -108,10 +108,10 @@ class VectorIndex:
         worst: Float32[Tensor, " q"],
         bar: Float32[Tensor, " q"],
     ) -> Bool[Tensor, " q"]:
-        """Whether (q,) a place that is no candidate could be better than the ``worst`` (q,) hit.
+        """Whether (q,) a place outside the candidates could beat the ``worst`` (q,) hit.
 
-        Ranked is Q·D - ‖D‖²/2, at most ``bar`` (q,) for places that are no candidates. A sum of d
-        products is off by at most d units of rounding times the product of the norms.
+        The rank is Q·D - ‖D‖²/2, at most ``bar`` (q,) outside the candidates. The error of a sum
+        of d products is at most d units of rounding times the product of the norms.
         """
         norm = torch.linalg.vector_norm(queries, dim=1)
         rank = (norm.square() - worst.square()) / 2 if self._is_l2 else worst
@@ -120,7 +120,7 @@ class VectorIndex:
         return rank <= bar + slack
 
     def _by_differences(self, queries: Float32[Tensor, "q d"], k: int) -> Best:
-        """The best of all places, one query at a time in memory."""
+        """The best of all places by differences, one query at a time."""
         best = Best(len(queries), k)
         for start, (part,) in self.places.chunks(_CHUNK_OF_DIFFERENCES, "vector"):
             score = torch.cat([self._score(query[None], part[None]) for query in queries])
@@ -130,7 +130,7 @@ class VectorIndex:
     def _score(
         self, queries: Float32[Tensor, "q d"], places: Float32[Tensor, "#q k d"]
     ) -> Float32[Tensor, "q k"]:
-        """Scores (q, k) of queries (q, d) with k places each, (q, k, d)."""
+        """Scores (q, k) of queries (q, d) with places (q, k, d)."""
         if self._is_l2:
             return -torch.linalg.vector_norm(queries[:, None] - places, dim=-1)
         return torch.einsum("qd,qkd->qk", queries, places)
@@ -165,6 +165,6 @@ def _products(
     """Q·D (q, n) of queries (q, d) with places (n, d)."""
     if len(queries) >= _FEW:
         return queries @ places.T
-    # One query is taken twice: BLAS multiplies a matrix by a single vector at half the speed.
+    # A single query is repeated: BLAS multiplies a matrix by one vector at half the speed.
     several = queries if len(queries) > 1 else queries.repeat(2, 1)
     return (places @ several.T)[:, : len(queries)].T.contiguous()

@@ -1,1 +1,1 @@
-"""Simulated drives, written in the native NCLT and MulRan layouts."""
+"""Simulated drives in the native layouts of NCLT and MulRan."""

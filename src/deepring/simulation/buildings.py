@@ -1,4 +1,4 @@
-"""Building prototypes in the shapes I, L, U and T, and the protrusions on their facades."""
+"""Building prototypes of shape I, L, U or T, with protrusions on their facades."""
 
 from dataclasses import dataclass
 
@@ -18,15 +18,15 @@ class BuildingPart:
     height: float
 
     def faces_street_at(self, along: float) -> bool:
-        """True where the box spans the position ``along``."""
+        """True if the box spans the position ``along``."""
         return abs(along - self.along) <= self.length / 2
 
 
 @dataclass(frozen=True)
 class Building:
-    """Boxes relative to the middle of the plot's front, in metres.
+    """Boxes relative to the middle of the plot's front, metres.
 
-    ``walls`` are the building itself; ``facade`` the bays, porches and stairs in front of it.
+    ``walls`` are the building itself; ``facade`` is the bays, porches and stairs in front of it.
     """
 
     width: float
@@ -35,7 +35,7 @@ class Building:
 
 
 def draw_prototypes(settings: SimulationSettings, rng: np.random.Generator) -> list[Building]:
-    """``building_prototypes`` buildings; every building of the world repeats one of them."""
+    """``building_prototypes`` random buildings; each building of the world is a copy of one."""
     kinds = rng.permutation(4)
     return [
         _draw_building(int(kinds[i % 4]), settings, rng)

@@ -1,4 +1,4 @@
-"""A drive: where the body is at any time, when it scans, and its ground-truth rows."""
+"""A drive: poses at any time, times of scans, and ground-truth rows."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -19,17 +19,17 @@ IntArray = NDArray[np.int64]
 
 _STEP = 0.5  # metres between the samples of a path
 _ROUNDING = 3.0  # corners are rounded over about twice this (metres)
-_TURNING = 1.5  # the yaw is smoothed by a Gaussian of this deviation (metres)
-_SWAYS = 4  # sine waves that make up the platform's roll, and its pitch
+_YAW_SMOOTHING = 1.5  # the yaw is smoothed by a Gaussian of this deviation (metres)
+_SWAYS = 4  # sine waves in the roll of the platform, and in its pitch
 _WARM_UP = 0.5  # seconds of poses before the first scan and after the last
 
-#: When the sessions begin: far from any real recording. Microseconds of the Unix epoch.
+#: Start times of the sessions, in years without real recordings.
 _STARTS = [datetime(2031, 2, 4, 15, tzinfo=UTC), datetime(2031, 3, 17, 18, tzinfo=UTC)]
 
 
 @dataclass(frozen=True, eq=False)
 class DrivenPath:
-    """A smooth path, sampled: distance driven (n,), x and y (n,), unwrapped yaw (n,)."""
+    """Samples of a smooth path: path length (n,), x and y (n,), unwrapped yaw (n,)."""
 
     driven: FloatArray
     x: FloatArray
@@ -56,7 +56,7 @@ class Sway:
 class Drive:
     """One session's motion. Stamps are microseconds (int64); poses world <- body, z up.
 
-    ``scan_stamps`` (n,) lie between rows of ``pose_stamps`` (m,), never on one.
+    ``scan_stamps`` (n,) are between rows of ``pose_stamps`` (m,), never equal to one.
     """
 
     path: DrivenPath
@@ -70,7 +70,7 @@ class Drive:
     pose_stamps: IntArray
 
     def poses(self, stamps: IntArray) -> FloatArray:
-        """Body poses (n, 4, 4) at ``stamps``; before the start and after the end it stands."""
+        """Body poses (n, 4, 4) at ``stamps``, constant before the start and after the end."""
         seconds = (stamps - self.start).astype(np.float64) * 1e-6
         driven = seconds * self.speed
         x = np.interp(driven, self.path.driven, self.path.x)
@@ -82,7 +82,7 @@ class Drive:
 
 
 def plan_drives(world: World, settings: SimulationSettings) -> tuple[Drive, Drive]:
-    """The database's and the query's drive through ``world``, over the same streets."""
+    """The drives of database and query through ``world``, along the same streets."""
     rng = np.random.default_rng([settings.seed, 3])
     parts = database_route(world.streets, rng)
     first = parts[0] + parts[1]
@@ -125,7 +125,7 @@ def _drive(
 def _path(
     route: Route, streets: Streets, settings: SimulationSettings, rng: np.random.Generator
 ) -> DrivenPath:
-    """Follow the streets with a wandering offset to the side, and round the corners."""
+    """Follow the streets with a varying sideways offset and rounded corners."""
     corners = streets.crossings[route]
     legs = np.diff(corners, axis=0)
     lengths = np.hypot(legs[:, 0], legs[:, 1])
@@ -140,16 +140,16 @@ def _path(
 
 
 def _evenly_sampled(points: FloatArray) -> DrivenPath:
-    """The path along ``points`` (n, 2), sampled every ``_STEP``, its yaw smoothed."""
+    """The path along ``points`` (n, 2), sampled every ``_STEP``, with smoothed yaw."""
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     even = np.arange(0.0, driven[-1], _STEP)
     x, y = np.interp(even, driven, points[:, 0]), np.interp(even, driven, points[:, 1])
     yaw = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
-    return DrivenPath(even, x, y, _smooth(np.append(yaw, yaw[-1]), _TURNING))
+    return DrivenPath(even, x, y, _smooth(np.append(yaw, yaw[-1]), _YAW_SMOOTHING))
 
 
 def _smooth(values: FloatArray, metres: float) -> FloatArray:
-    """Values (n, ...) every ``_STEP`` of path, smoothed by a Gaussian of that deviation."""
+    """Values (n, ...) every ``_STEP`` of path, smoothed by a Gaussian with deviation ``metres``."""
     from scipy.ndimage import gaussian_filter1d
 
     smooth: FloatArray = gaussian_filter1d(values, metres / _STEP, axis=0, mode="nearest")
@@ -159,7 +159,7 @@ def _smooth(values: FloatArray, metres: float) -> FloatArray:
 def _wander(
     driven: FloatArray, settings: SimulationSettings, rng: np.random.Generator
 ) -> FloatArray:
-    """Offset to the left (metres) along the path, from one random knot to the next."""
+    """Offset to the left (metres) along the path, interpolated between random knots."""
     knots = np.arange(0.0, driven[-1] + settings.lateral_knots, settings.lateral_knots)
     offset = rng.uniform(-settings.lateral_offset, settings.lateral_offset, len(knots))
     return np.interp(driven, knots, offset)
@@ -168,15 +168,15 @@ def _wander(
 def _scan_times(
     path: DrivenPath, period: int, settings: SimulationSettings, rng: np.random.Generator
 ) -> IntArray:
-    """Microseconds after the start: evenly spaced along the path, apart from a jitter.
+    """Microseconds after the start, evenly spaced along the path with jitter.
 
-    The first scan comes after a random distance: two drives that shared their phase would put
-    many queries exactly half a map spacing from their nearest place.
+    The first scan comes after a random distance: with equal phases of the two drives many queries
+    would be exactly half a map spacing from their nearest place.
     """
-    where = np.arange(rng.uniform(0.0, 20.0), path.driven[-1], settings.scan_spacing)
-    where = where + rng.uniform(-0.15, 0.15, len(where)) * settings.scan_spacing
-    times = np.round(np.maximum(where, 0.0) / settings.speed * 1e6).astype(np.int64)
-    between = rng.integers(max(period // 5, 1), max(period * 4 // 5, 2), len(where))
+    driven = np.arange(rng.uniform(0.0, 20.0), path.driven[-1], settings.scan_spacing)
+    driven = driven + rng.uniform(-0.15, 0.15, len(driven)) * settings.scan_spacing
+    times = np.round(np.maximum(driven, 0.0) / settings.speed * 1e6).astype(np.int64)
+    between = rng.integers(max(period // 5, 1), max(period * 4 // 5, 2), len(driven))
     return times // period * period + between
 
 

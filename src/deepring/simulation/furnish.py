@@ -1,4 +1,4 @@
-"""Things along one side of a street: buildings, trees, poles, walls, clutter, cars."""
+"""Places buildings, trees, poles, walls, clutter and cars along one side of a street."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ _AT_CROSSING = 6.0  # buildings keep this distance from the crossing street's co
 def place_buildings(
     side: StreetSide, prototypes: list[Building], character: Character, yard: Yard
 ) -> None:
-    """Line the side with copies of the prototypes, some mirrored, at varying setback."""
+    """Place copies of the prototypes along the side, some mirrored, at varying setback."""
     corridor = yard.settings.corridor
     end = side.length - corridor - _AT_CROSSING
     position = corridor + _AT_CROSSING + yard.between(0.0, 6.0)
@@ -30,19 +30,19 @@ def place_buildings(
 def _place_building(
     side: StreetSide, building: Building, front: tuple[float, float], tall: float, yard: Yard
 ) -> None:
-    """Copy a prototype to the plot whose front has its middle at ``front``."""
+    """Copy a prototype to the plot with the middle of its front at ``front``."""
     mirror = -1.0 if yard.chance(0.5) else 1.0
     shade = yard.between(0.3, 0.7)
     plot = StreetSide(np.array(front), side.along, side.away, building.width)
     for part in (*building.walls, *building.facade):
-        changed = yard.settings.structures_changed if part in building.facade else 0.0
+        change = yard.settings.structures_changed if part in building.facade else 0.0
         size = (part.length, part.depth, part.height * tall)
         place = plot.at(mirror * part.along, part.away)
-        yard.box(place, size, side.yaw, shade, yard.session(changed))
+        yard.box(place, size, side.yaw, shade, yard.session(change))
 
 
 def place_trees(side: StreetSide, character: Character, yard: Yard) -> None:
-    """A row of trees beside the street, with gaps, and now and then a grove behind it."""
+    """Place a row of trees along the street, with gaps, and sometimes a grove behind it."""
     row = yard.settings.corridor + yard.between(0.8, 2.5)
     position = yard.between(2.0, yard.settings.tree_spacing)
     while position < side.length:
@@ -65,21 +65,21 @@ def _place_tree(place: tuple[float, float], yard: Yard) -> None:
 
 
 def place_structures(side: StreetSide, yard: Yard) -> None:
-    """Poles at the kerb, stretches of wall, sheds and small clutter."""
-    changed, kerb = yard.settings.structures_changed, yard.settings.corridor + 0.3
+    """Place poles at the kerb, walls, sheds and small clutter."""
+    change, kerb = yard.settings.structures_changed, yard.settings.corridor + 0.3
     position = yard.between(5.0, 30.0)
     while position < side.length:
         yard.post(side.at(position, kerb), yard.between(0.08, 0.2), yard.between(4.0, 9.0))
         position += yard.between(22.0, 38.0)
     for _ in range(int(yard.rng.poisson(side.length / 90.0))):
         size = (yard.between(6.0, 16.0), 0.3, yard.between(1.2, 2.6))
-        _scatter(side, size, (2.5, 4.0), yard, changed)
+        _scatter(side, size, (2.5, 4.0), yard, change)
     for _ in range(int(yard.rng.poisson(side.length / 80.0))):
         size = (yard.between(2.0, 6.5), yard.between(2.0, 3.5), yard.between(2.2, 3.5))
-        _scatter(side, size, (3.0, 26.0), yard, changed)
+        _scatter(side, size, (3.0, 26.0), yard, change)
     for _ in range(int(yard.rng.poisson(side.length / 20.0))):
         size = (yard.between(0.4, 1.8), yard.between(0.4, 0.9), yard.between(0.7, 1.6))
-        _scatter(side, size, (0.5, 4.0), yard, changed)
+        _scatter(side, size, (0.5, 4.0), yard, change)
 
 
 def _scatter(
@@ -87,19 +87,19 @@ def _scatter(
     size: tuple[float, float, float],
     band: tuple[float, float],
     yard: Yard,
-    changed: float,
+    change: float,
 ) -> None:
-    """Put one box somewhere along the side, ``band`` metres beyond the corridor."""
+    """Place one box at random along the side, ``band`` metres beyond the corridor."""
     away = yard.settings.corridor + size[1] / 2 + yard.between(*band)
     place = side.at(yard.between(0.0, side.length), away)
-    turned = side.yaw + yard.between(-0.05, 0.05)
-    yard.box(place, size, turned, yard.between(0.2, 0.6), yard.session(changed))
+    yaw = side.yaw + yard.between(-0.05, 0.05)
+    yard.box(place, size, yaw, yard.between(0.2, 0.6), yard.session(change))
 
 
 def park_cars(side: StreetSide, yard: Yard, cars: Yard) -> None:
-    """Fill a row of parking slots in each session anew.
+    """Fill a row of parking slots, differently in each session.
 
-    Where the slots are is drawn by ``yard``, which car stands in them by ``cars``.
+    ``yard`` draws the slots, ``cars`` the cars in them.
     """
     if not yard.chance(0.5):
         return

@@ -1,4 +1,4 @@
-"""The ground: a height that is a sum of plane sine waves."""
+"""The ground, whose height is a sum of plane sine waves."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ class Ground:
     phase: FloatArray
 
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Height (metres) at world coordinates ``x``, ``y`` of any one shape."""
+        """Height (metres) at world coordinates ``x``, ``y`` of equal shape."""
         z = np.zeros(np.shape(x))
         for kx, ky, a, p in zip(self.kx, self.ky, self.amplitude, self.phase, strict=True):
             z += a * np.sin(kx * x + ky * y + p)

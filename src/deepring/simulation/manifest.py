@@ -1,4 +1,4 @@
-"""The manifest of a simulated data set: what made it, and whether it is whole."""
+"""The manifest of a simulated dataset: its settings, and whether it is complete."""
 
 import json
 from pathlib import Path
@@ -7,16 +7,16 @@ from deepring.errors import FileError
 from deepring.io.files import part_of, write_whole
 from deepring.simulation.settings import SimulationSettings
 
-#: Counts changes that alter the bytes of a simulation.
+#: Increases with each change that alters the bytes of a simulation.
 VERSION = 1
 
 NAME = "simulation.json"
 
 
 def claim(root: Path, settings: SimulationSettings) -> bool:
-    """Make ``root`` this simulation's folder. True where it is already whole.
+    """Make ``root`` the folder of this simulation. True if it is already complete.
 
-    Raises FileError, and touches nothing, where ``root`` holds something else.
+    Raises FileError, without changing anything, if ``root`` holds other data.
     """
     if not _occupied(root):
         _write(root, settings, {}, [])
@@ -28,21 +28,21 @@ def claim(root: Path, settings: SimulationSettings) -> bool:
             f"folder, or an earlier simulation with the same settings. Choose another folder."
         )
     _check_same(content, settings, root)
-    return _whole(root, content)
+    return _complete(root, content)
 
 
 def finish(
     root: Path, settings: SimulationSettings, scans: dict[str, int], poses: list[str]
 ) -> None:
-    """Record that all files are there, relative to ``root``: scans by folder, pose files."""
+    """Record the complete files, relative to ``root``: numbers of scans by folder, pose files."""
     _write(root, settings, scans, poses)
 
 
 def _occupied(root: Path) -> bool:
     if root.exists() and not root.is_dir():
         raise FileError(f"root: {root} is a file; expected a folder. Choose another path.")
-    unfinished = part_of(root / NAME).name  # all that a run killed at once leaves behind
-    return root.is_dir() and any(path.name != unfinished for path in root.iterdir())
+    part = part_of(root / NAME).name  # all that a run leaves if it is killed at the start
+    return root.is_dir() and any(path.name != part for path in root.iterdir())
 
 
 def _read(root: Path) -> dict[str, object] | None:
@@ -53,12 +53,12 @@ def _read(root: Path) -> dict[str, object] | None:
         content = json.loads(path.read_text(encoding="utf-8"))
     except ValueError:
         raise FileError(
-            f"{path}: no JSON; expected a simulation's manifest. Delete the folder, or choose "
-            "another"
+            f"{path}: not JSON, expected the manifest of a simulation. Delete the folder, or "
+            "choose another"
         ) from None
     if not isinstance(content, dict) or not isinstance(content.get("settings"), dict):
         raise FileError(
-            f"{path} is not a simulation's manifest: it has no settings. Choose another folder."
+            f"{path}: no settings, expected the manifest of a simulation. Choose another folder."
         )
     return content
 
@@ -81,13 +81,13 @@ def _check_same(content: dict[str, object], settings: SimulationSettings, root: 
         )
 
 
-def _whole(root: Path, content: dict[str, object]) -> bool:
-    """True where every file that the finished run counted is still there."""
+def _complete(root: Path, content: dict[str, object]) -> bool:
+    """True if all files of the finished run still exist."""
     scans, poses = content.get("scans"), content.get("poses")
     if not isinstance(scans, dict) or not isinstance(poses, list) or not scans:
         return False
-    counted = all(len(list((root / f).glob("[!.]*"))) == n for f, n in scans.items())
-    return counted and all((root / name).is_file() for name in poses)
+    equal = all(len(list((root / f).glob("[!.]*"))) == n for f, n in scans.items())
+    return equal and all((root / name).is_file() for name in poses)
 
 
 def _write(

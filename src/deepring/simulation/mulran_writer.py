@@ -23,14 +23,14 @@ def scan_path(root: Path, session: str, stamp: int) -> Path:
 
 
 def pose_files(root: Path, session: str) -> list[Path]:
-    """The files that ``write_poses`` makes."""
+    """The files of `write_poses`."""
     return [root / session / name for name in ("ouster_front_stamp.csv", "global_pose.csv")]
 
 
 def write_scan(path: Path, sweep: Sweep, _sensor: Sensor) -> None:
     """Write x, y, z, intensity (float32) of all rays; a missing return is four zeros.
 
-    The OS1 turns clockwise and counts its rings from the top: point i is of ring i % 64 and
+    The OS1 rotates clockwise and counts its rings from the top: point i is in ring i % 64 and
     column i // 64.
     """
     grid = np.zeros((*sweep.reflectance.shape, 4), "<f4")
@@ -41,7 +41,7 @@ def write_scan(path: Path, sweep: Sweep, _sensor: Sensor) -> None:
 
 
 def write_poses(root: Path, session: str, drive: Drive) -> None:
-    """Write the scans' stamps, and stamp (ns) and 3x4 base pose in UTM, row by row."""
+    """Write the scans' stamps (ns), and rows of stamp (ns) and 3x4 base pose in UTM."""
     stamp_file, pose_file = pose_files(root, session)
     write_whole(stamp_file, (b"%d000\n" % stamp for stamp in drive.scan_stamps.tolist()))
     write_whole(pose_file, _pose_rows(drive))
@@ -57,6 +57,6 @@ def _pose_rows(drive: Drive) -> Iterator[bytes]:
 
 
 def _in_utm(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    moved = poses.copy()
-    moved[:, :2, 3] += UTM_ORIGIN
-    return moved
+    poses = poses.copy()
+    poses[:, :2, 3] += UTM_ORIGIN
+    return poses

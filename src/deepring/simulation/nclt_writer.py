@@ -11,11 +11,11 @@ from deepring.io.files import write_whole
 from deepring.simulation.drive import Drive
 from deepring.simulation.sensors import Sensor, Sweep
 
-#: The sessions' folders, database first: NCLT's, but in a year that was never recorded.
+#: The sessions' folders, database first, with dates in a year without NCLT recordings.
 SESSIONS = ("2031-02-04", "2031-03-17")
 
 _HIT = np.dtype([("xyz", "<u2", 3), ("intensity", "u1"), ("laser", "u1")])
-_ROWS_WITHOUT_POSE = 3  # the real ground truth, too, begins with NaN
+_ROWS_WITHOUT_POSE = 3  # the real ground truth also begins with NaN
 _CHUNK = 20_000
 
 
@@ -25,7 +25,7 @@ def scan_path(root: Path, session: str, stamp: int) -> Path:
 
 
 def pose_files(root: Path, session: str) -> list[Path]:
-    """The files that ``write_poses`` makes."""
+    """The files of `write_poses`."""
     return [root / "ground_truth" / f"groundtruth_{session}.csv"]
 
 

@@ -1,8 +1,8 @@
-"""Rays against upright prisms and the ground, one vertical column of beams at a time.
+"""Casts rays against upright prisms and the ground, by vertical columns of beams.
 
 A world of upright prisms is 2.5-D: in the vertical plane of one azimuth every prism is a rectangle
-from an entry to an exit distance and from bottom to top. So each pair of a prism and an azimuth
-needs one test in the plane; only pairs that hit are spread over the beams they cover.
+from an entry to an exit distance and from bottom to top. Each pair of a prism and an azimuth needs
+one test in the plane; only pairs that hit are expanded to the beams that they cover.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from deepring.simulation.shapes import Prisms
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-#: Hit codes besides a prism's index.
+#: Values of hits besides the index of a prism.
 GROUND, NOTHING = -1, -2
 
 _GROUND_RINGS = 48  # radii at which the ground's profile is sampled
@@ -68,11 +68,11 @@ def cast(
     max_range: float,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, IntArray]:
-    """First surface that each ray meets within ``max_range`` (metres) of ``origin`` (3,).
+    """The first surface on each ray within ``max_range`` (metres) of ``origin`` (3,).
 
-    Returns horizontal distances (C, B) in metres, inf without a hit, and what was hit (C, B):
-    a prism's index, GROUND or NOTHING. Prisms around the origin are looked through. ``rng``
-    draws how deep beams reach into crowns.
+    Returns horizontal distances (C, B) in metres, inf without a hit, and hits (C, B): the index of
+    a prism, GROUND or NOTHING. Prisms around the origin are ignored. ``rng`` draws the depth of
+    beams in crowns.
     """
     near = np.flatnonzero(
         np.hypot(prisms.x - origin[0], prisms.y - origin[1]) - prisms.reach < max_range
@@ -87,9 +87,9 @@ def cast(
     pairs, first, last = pairs.keep(visible), first[visible], last[visible]
 
     pair, ray = _spread(pairs, first, last, fan)
-    reached = _surface_distance(pairs, pair, fan.slopes.ravel()[ray], origin[2], close, rng)
-    np.minimum.at(distance, ray, reached)
-    nearest = (reached == distance[ray]) & np.isfinite(reached)
+    reach = _surface_distance(pairs, pair, fan.slopes.ravel()[ray], origin[2], close, rng)
+    np.minimum.at(distance, ray, reach)
+    nearest = (reach == distance[ray]) & np.isfinite(reach)
     hit[ray[nearest]] = near[pairs.prism[pair[nearest]]]
 
     distance = distance.reshape(fan.slopes.shape)
@@ -99,10 +99,10 @@ def cast(
 
 
 def _ground_distance(fan: Fan, origin: FloatArray, ground: Ground, max_range: float) -> FloatArray:
-    """Horizontal distance (C, B) at which each beam meets the ground; inf where it does not.
+    """Horizontal distance (C, B) at which each beam meets the ground, or inf.
 
-    Of the profile's slopes as seen from the origin the running maximum is kept, so a crest hides
-    what lies behind it; a beam meets the ground where that maximum reaches the beam's slope.
+    The profile is the running maximum of the ground's slopes from the origin, so that a crest
+    hides the ground behind it; a beam meets the ground where the profile reaches its slope.
     """
     columns = len(fan.slopes)
     radii = np.concatenate([[0.0], np.geomspace(0.8, max_range, _GROUND_RINGS)])
@@ -110,25 +110,25 @@ def _ground_distance(fan: Fan, origin: FloatArray, ground: Ground, max_range: fl
     heights = ground.height(
         origin[0] + np.cos(coarse)[:, None] * radii, origin[1] + np.sin(coarse)[:, None] * radii
     )
-    seen = np.full(heights.shape, -20.0)  # steeper than any beam: straight below the sensor
-    seen[:, 1:] = (heights[:, 1:] - origin[2]) / radii[1:]
-    profile = np.maximum.accumulate(_between(seen, columns), axis=1)
+    slopes = np.full(heights.shape, -20.0)  # steeper than any beam, below the sensor
+    slopes[:, 1:] = (heights[:, 1:] - origin[2]) / radii[1:]
+    profile = np.maximum.accumulate(_between(slopes, columns), axis=1)
 
-    # One sorted search for all columns: each is lifted clear of the one before.
+    # One sorted search for all columns, each lifted above the previous one.
     lift = 100.0 * np.arange(columns)[:, None]
     place = np.searchsorted((profile + lift).ravel(), (fan.slopes + lift).ravel())
     ring = place.reshape(fan.slopes.shape) - profile.shape[1] * np.arange(columns)[:, None]
-    met = ring < len(radii)
+    meets = ring < len(radii)
     ring = np.clip(ring, 1, len(radii) - 1)
     before = np.take_along_axis(profile, ring - 1, axis=1)
     after = np.take_along_axis(profile, ring, axis=1)
-    # Between two radii the ground is a straight line: height above it falls linearly to zero.
+    # Between two radii the ground is a straight line, and the height above it decreases linearly.
     above = (fan.slopes - before) * radii[ring - 1]
     below = (after - fan.slopes) * radii[ring]
     above = np.where(ring == 1, _height_above(origin, ground), above)
     share = above / np.maximum(above + below, 1e-12)
     distance = radii[ring - 1] + share * (radii[ring] - radii[ring - 1])
-    return np.where(met, distance, np.inf)
+    return np.where(meets, distance, np.inf)
 
 
 def _height_above(origin: FloatArray, ground: Ground) -> float:
@@ -146,7 +146,7 @@ def _between(coarse: FloatArray, columns: int) -> FloatArray:
 
 
 def _candidates(fan: Fan, origin: FloatArray, prisms: Prisms) -> tuple[IntArray, IntArray]:
-    """Prism and column of every pair whose footprint's circle the column may cross."""
+    """Prism and column of every pair where the column may cross the footprint's circle."""
     dx, dy = prisms.x - origin[0], prisms.y - origin[1]
     distance = np.hypot(dx, dy)
     around = distance <= prisms.reach
@@ -161,7 +161,7 @@ def _candidates(fan: Fan, origin: FloatArray, prisms: Prisms) -> tuple[IntArray,
 
 
 def _ranges(count: IntArray) -> tuple[IntArray, IntArray]:
-    """Owner and running index of every item when owner i has ``count[i]`` of them."""
+    """Owner and running index of every item if owner i has ``count[i]`` items."""
     owner = np.repeat(np.arange(len(count)), count)
     before = np.cumsum(count) - count
     return owner, np.arange(len(owner)) - before[owner]
@@ -170,7 +170,7 @@ def _ranges(count: IntArray) -> tuple[IntArray, IntArray]:
 def _cross(
     candidates: tuple[IntArray, IntArray], fan: Fan, origin: FloatArray, prisms: Prisms
 ) -> Pairs:
-    """The pairs that do cross, with entry and exit. Prisms around the origin are left out."""
+    """The pairs that cross, with entry and exit, without prisms around the origin."""
     prism, column = candidates
     dx, dy = (prisms.x - origin[0])[prism], (prisms.y - origin[1])[prism]
     c, s = np.cos(fan.headings)[column], np.sin(fan.headings)[column]
@@ -205,7 +205,7 @@ def _cross(
 def _beams_covered(
     pairs: Pairs, fan: Fan, height: float, prisms: Prisms
 ) -> tuple[IntArray, IntArray]:
-    """First and one-past-last beam of each pair that meets the prism's side, top or bottom."""
+    """First and one-past-last beam that meet the side, top or bottom of each pair's prism."""
     bottom, top = prisms.z0[pairs.prism] - height, prisms.z1[pairs.prism] - height
     low = bottom / np.where(bottom > 0, pairs.exit, pairs.entry)
     high = top / np.where(top > 0, pairs.entry, pairs.exit)
@@ -220,10 +220,10 @@ def _beams_covered(
 def _not_hidden(
     pairs: Pairs, last: IntArray, fan: Fan, height: float, prisms: Prisms
 ) -> NDArray[np.bool_]:
-    """Whether no taller opaque wall stands before a pair in its column (exact, only a speed-up).
+    """Whether no taller opaque wall hides a pair in its column (exact, only a speed-up).
 
-    A standing wall that rises above the sensor covers every beam from the ground up to its
-    ``last``; whatever begins behind it and reaches no higher cannot be seen.
+    A standing wall higher than the sensor covers every beam from the ground up to its ``last``;
+    prisms that begin behind it and are not higher are invisible.
     """
     columns, beams = fan.slopes.shape
     wall = prisms.grounded[pairs.prism] & (prisms.z1[pairs.prism] > height)

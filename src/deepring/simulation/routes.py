@@ -1,4 +1,4 @@
-"""Routes through the street graph: cover every street, then drive the same streets otherwise."""
+"""Routes through the street graph: over every street, and over the same in another order."""
 
 from collections import deque
 from collections.abc import Iterable, Sequence
@@ -14,9 +14,9 @@ _TRIALS = 600
 
 
 def database_route(streets: Streets, rng: np.random.Generator) -> tuple[Route, Route]:
-    """Crossings in driving order: through the train part up to the link, then the test part.
+    """Crossings in driving order: the train part up to the link, and the test part.
 
-    Each part's route takes a street not yet driven wherever there is one.
+    Routes prefer new streets wherever possible.
     """
     train = _cover(streets.train, streets.link[0], rng)
     train += _shortest(streets.train, train[-1], {streets.link[0]})[1:]
@@ -24,44 +24,44 @@ def database_route(streets: Streets, rng: np.random.Generator) -> tuple[Route, R
 
 
 def query_route(route: Route, reversed_share: float, rng: np.random.Generator) -> Route:
-    """The same streets as ``route`` in another order, a share of them the other way round.
+    """The same streets as ``route`` in another order, a share of them in reverse.
 
-    Between two visits of one crossing a route is a loop: loops that follow each other change
-    places, and loops are driven backwards until the share is as near ``reversed_share`` as the
-    streets allow. Start, end and the streets driven stay the same.
+    A route between two visits of one crossing is a loop: consecutive loops are exchanged, and
+    loops are reversed until the share is as close to ``reversed_share`` as the streets allow.
+    Start, end and the set of streets stay the same.
     """
-    varied = list(route)
+    variant = list(route)
     for _ in range(_TRIALS):
-        varied = _swap_loops(varied, rng)
-    best = abs(opposed_share(route, varied) - reversed_share)
+        variant = _swap_loops(variant, rng)
+    best = abs(opposed_share(route, variant) - reversed_share)
     for _ in range(_TRIALS):
-        trial = _turn_loop(varied, rng)
+        trial = _turn_loop(variant, rng)
         error = abs(opposed_share(route, trial) - reversed_share)
         if error < best and _u_turns(trial) <= _u_turns(route):
-            varied, best = trial, error
-    return varied
+            variant, best = trial, error
+    return variant
 
 
-def opposed_share(route: Sequence[int], other: Sequence[int]) -> float:
-    """Share of ``other``'s passes along a street in a direction ``route`` never drives it."""
-    driven = set(pairwise(route))
-    passes = list(pairwise(other))
-    return sum(step not in driven for step in passes) / max(len(passes), 1)
+def opposed_share(first: Sequence[int], second: Sequence[int]) -> float:
+    """Share of the passes of ``second`` in a direction that ``first`` never has on that street."""
+    directions = set(pairwise(first))
+    passes = list(pairwise(second))
+    return sum(step not in directions for step in passes) / max(len(passes), 1)
 
 
 def _cover(streets: Iterable[Street], start: int, rng: np.random.Generator) -> Route:
     """A route from ``start`` along every street, new streets first."""
     streets = tuple(streets)
-    left = {frozenset(street) for street in streets}
+    remaining = {frozenset(street) for street in streets}
     route = [start]
-    while left:
+    while remaining:
         here = route[-1]
-        new = [n for n in _adjacent(streets, here) if frozenset((here, n)) in left]
+        new = [n for n in _adjacent(streets, here) if frozenset((here, n)) in remaining]
         if new:
             route.append(new[int(rng.integers(len(new)))])
-            left.remove(frozenset(route[-2:]))
+            remaining.remove(frozenset(route[-2:]))
         else:
-            goals = {crossing for street in left for crossing in street}
+            goals = {crossing for street in remaining for crossing in street}
             route += _shortest(streets, here, goals)[1:]
     return route
 
@@ -95,14 +95,14 @@ def _turn_loop(route: Route, rng: np.random.Generator) -> Route:
 
 
 def _swap_loops(route: Route, rng: np.random.Generator) -> Route:
-    """Exchange two loops that follow each other, where a crossing is visited three times."""
+    """Exchange two consecutive loops at a crossing with three visits."""
     i, j, k = _visits(route, 3, rng)
-    swapped = route[:i] + route[j:k] + route[i:j] + route[k:]
-    return swapped if _u_turns(swapped) <= _u_turns(route) else route
+    variant = route[:i] + route[j:k] + route[i:j] + route[k:]
+    return variant if _u_turns(variant) <= _u_turns(route) else route
 
 
 def _visits(route: Route, count: int, rng: np.random.Generator) -> list[int]:
-    """``count`` visits, in order, of a random crossing; the same visit twice if it has fewer."""
+    """``count`` visits of a random crossing in order, with repetitions if it has fewer."""
     crossing = route[int(rng.integers(len(route)))]
     visits = [i for i, c in enumerate(route) if c == crossing]
     return sorted(int(i) for i in rng.choice(visits, count, replace=len(visits) < count))

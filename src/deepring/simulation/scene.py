@@ -1,4 +1,4 @@
-"""A scene: one world and the two drives through it, ready to be scanned in memory."""
+"""A scene: one world and two drives through it, which can be scanned in memory."""
 
 from functools import cached_property, lru_cache
 
@@ -12,7 +12,7 @@ from deepring.simulation.world import World, build_world, moving_objects
 
 
 class Scene:
-    """World, drives and scans of ``settings``. Sessions are 0 (database) and 1 (query)."""
+    """World, drives and scans of ``settings``. Session 0 is the database, 1 the query."""
 
     def __init__(self, settings: SimulationSettings) -> None:
         self.settings = settings
@@ -26,7 +26,7 @@ class Scene:
         return database, query
 
     def sweep(self, session: int, index: int) -> Sweep:
-        """Scan ``index`` of a session: has its own random numbers, so is the same on each call."""
+        """Scan ``index`` of a session, with its own random numbers: the same on each call."""
         settings, drive = self.settings, self.drives[session]
         rng = np.random.default_rng([settings.seed, 4, session, index])
         pose = drive.poses(drive.scan_stamps[index : index + 1])[0]
@@ -39,5 +39,5 @@ class Scene:
 
 @lru_cache(maxsize=1)
 def scene_of(settings: SimulationSettings) -> Scene:
-    """The scene of ``settings``; the last one is kept, so that a worker builds it once."""
+    """The scene of ``settings``, cached, so that a worker builds it once."""
     return Scene(settings)

@@ -1,4 +1,4 @@
-"""Two spinning LiDARs, how they are mounted, and what they make of a surface they hit."""
+"""Two spinning LiDARs: their mounting, scan pattern, noise and dropout."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from deepring.simulation.shapes import Prisms
 FloatArray = NDArray[np.float64]
 
 _GROUND_REFLECTANCE = 0.25
-_BLIND_RANGE = 0.9  # nothing closer than this is reported (metres)
+_BLIND_RANGE = 0.9  # minimum range (metres)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +34,8 @@ class Sensor:
 class Sweep:
     """One revolution: C columns, counter-clockwise from ``phase`` (rad), of B beams, ascending.
 
-    ``points`` (C, B, 3) are metres in the sensor's frame (z up), NaN where nothing came back;
-    ``reflectance`` (C, B) is 0..1.
+    ``points`` (C, B, 3) are metres in the sensor's frame (z up), NaN without a return;
+    ``reflectance`` (C, B) is in [0, 1].
     """
 
     points: FloatArray
@@ -43,16 +43,16 @@ class Sweep:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Mask (C, B) of the rays that came back."""
+        """Mask (C, B) of the rays with a return."""
         finite: NDArray[np.bool_] = np.isfinite(self.points[..., 0])
         return finite
 
 
 def hdl32e_upside_down() -> Sensor:
-    """NCLT's HDL-32E: hung upside down, so that its beams run from 10.67° down to 30.67° up.
+    """NCLT's HDL-32E, mounted upside down, with beams from 10.67° down to 30.67° up.
 
-    The lever arm is NCLT's, turned from z down to z up. The dataset's body frame has its origin
-    some 0.15 m below the ground.
+    The lever arm is NCLT's, converted from z down to z up. The origin of the body frame is about
+    0.15 m below the ground.
     """
     mount = pose_from(np.eye(3), [0.002, 0.004, 0.957])
     return Sensor(np.deg2rad(np.linspace(-10.67, 30.67, 32)), mount, body_height=-0.15)
@@ -66,7 +66,7 @@ def os1_64() -> Sensor:
 
 
 def sensor_of(settings: SimulationSettings) -> Sensor:
-    """The sensor of the settings' layout."""
+    """The sensor of the layout in the settings."""
     return hdl32e_upside_down() if settings.layout == "nclt" else os1_64()
 
 
@@ -81,21 +81,20 @@ def scan(
 ) -> Sweep:
     """Sweep the sensor once from ``body_pose`` (4, 4), world <- body, world z up.
 
-    ``phase`` is the azimuth (rad) of column 0 in the sensor's frame. Every point lies on a
-    surface that is visible from the sensor, apart from the range noise. On a tilted platform
-    beam elevations are exact in the sensor's frame, while azimuths are spaced evenly in the
-    world: they differ from an even spacing in the sensor's frame by the tilt times the
-    elevation's tangent.
+    ``phase`` is the azimuth (rad) of column 0 in the sensor's frame. Apart from range noise, every
+    point is on a surface visible from the sensor. On a tilted platform beam elevations are exact
+    in the sensor's frame, while azimuths are evenly spaced in the world: in the sensor's frame
+    they differ from an even spacing by the tilt times the tangent of the elevation.
     """
     pose = body_pose @ sensor.mount
     fan = _fan(sensor.elevations, pose, phase, settings.azimuths)
     distance, hit = cast(fan, pose[:3, 3], prisms, ground, settings.max_range, rng)
     points = _in_sensor_frame(fan, distance, pose)
-    measured, lost = _measure(points, settings, rng)
-    measured[lost] = np.nan
+    returns, lost = _measure(points, settings, rng)
+    returns[lost] = np.nan
     surface = np.append(prisms.reflectance, [0.0, _GROUND_REFLECTANCE])  # [-2] none, [-1] ground
     reflectance = surface[np.where(hit == GROUND, -1, hit)]
-    return Sweep(measured, np.clip(reflectance + rng.normal(0.0, 0.04, hit.shape), 0.0, 1.0))
+    return Sweep(returns, np.clip(reflectance + rng.normal(0.0, 0.04, hit.shape), 0.0, 1.0))
 
 
 def _fan(elevations: FloatArray, pose: FloatArray, phase: float, columns: int) -> Fan:
@@ -114,7 +113,7 @@ def _fan(elevations: FloatArray, pose: FloatArray, phase: float, columns: int) -
 
 
 def _in_sensor_frame(fan: Fan, distance: FloatArray, pose: FloatArray) -> FloatArray:
-    """Hits (C, B, 3) in the sensor's frame; NaN where there is none."""
+    """Hits (C, B, 3) in the sensor's frame, NaN without a hit."""
     reach = np.where(np.isfinite(distance), distance, np.nan)
     c, s = np.cos(fan.headings)[:, None], np.sin(fan.headings)[:, None]
     world = np.stack([reach * c, reach * s, reach * fan.slopes], axis=-1)
@@ -124,7 +123,7 @@ def _in_sensor_frame(fan: Fan, distance: FloatArray, pose: FloatArray) -> FloatA
 def _measure(
     points: FloatArray, settings: SimulationSettings, rng: np.random.Generator
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Points with range noise, and which returns are lost: too close, dropped, in the blind."""
+    """Points with range noise, and a mask of lost returns: close, dropped, in the blind sector."""
     reach = np.sqrt(np.einsum("cbi,cbi->cb", points, points))
     noisy = points * (1 + settings.range_noise * rng.normal(size=reach.shape) / reach)[..., None]
     grow = settings.dropout_far - settings.dropout_near

@@ -1,4 +1,4 @@
-"""Every knob of a simulation, its default and the two presets ``nclt`` and ``mulran``."""
+"""The settings of a simulation, their defaults and the presets ``nclt`` and ``mulran``."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
@@ -12,15 +12,15 @@ Layout = Literal["nclt", "mulran"]
 
 @dataclass(frozen=True)
 class SimulationSettings:
-    """The knobs of a simulation. Lengths in metres, angles in degrees, shares in [0, 1].
+    """The settings of a simulation. Lengths in metres, angles in degrees, shares in [0, 1].
 
-    The defaults are those of the ``nclt`` preset; ``mulran()`` says where the city differs. The
-    world's two parts, train and test, are street grids of ``rows`` rows and ``train_columns`` or
-    ``test_columns`` columns, joined by one street across the gap between the regions.
-    Raises ConfigError where a value is out of range.
+    The defaults are the preset ``nclt``; `mulran` has other values. The train and test parts of
+    the world are street grids of ``rows`` rows and ``train_columns`` or ``test_columns`` columns,
+    joined by one street across the gap between the regions. Raises ConfigError for a value out of
+    range.
     """
 
-    layout: Layout = "nclt"  # native files to write; also the kind of world and the sensor
+    layout: Layout = "nclt"  # of the files; also determines the world and the sensor
     seed: int = 0  # drives, parked cars, moving objects, noise
     world_seed: int | None = None  # streets and buildings; None: the same as seed
 
@@ -29,24 +29,24 @@ class SimulationSettings:
     train_columns: int = 5
     test_columns: int = 4
     rows: int = 4
-    crossing_jitter: float = 9.0  # crossings move by up to this from the regular grid
-    building_prototypes: int = 2  # fewer prototypes: more places that look alike
-    building_share: float = 0.8  # of the building plots along a street that are built on
-    street_variety: float = 1.0  # how much the sides of the streets differ from each other
+    crossing_jitter: float = 9.0  # largest offset of crossings from the regular grid
+    building_prototypes: int = 2  # with fewer, more places look alike
+    building_share: float = 0.8  # share of plots with a building
+    street_variety: float = 1.0  # difference between the sides of streets
     facade_parts: float = 4.0  # mean number of protrusions on a facade
-    tree_spacing: float = 9.0  # between the trees of a row
+    tree_spacing: float = 9.0  # between trees of a row
     ground_relief: float = 0.8  # standard deviation of the ground's height
 
-    # what differs between the sessions, and what moves
-    trees_changed: float = 0.4  # of the trees stand in one session only
-    structures_changed: float = 0.15  # of facade parts, walls, sheds, clutter: one session only
-    bare_season: float = 1.5  # crowns are this much more transparent in the database session
-    parking_share: float = 0.55  # of the parking slots are taken, drawn anew for each session
-    movers: float = 14.0  # mean number of moving objects around the robot, in each scan
+    # differences between the sessions, and moving objects
+    trees_changed: float = 0.4  # share of trees in only one session
+    structures_changed: float = 0.15  # the same for facade parts, walls, sheds, clutter
+    bare_season: float = 1.5  # factor of the crowns' transparency in the database
+    parking_share: float = 0.55  # share of occupied parking slots in each session
+    movers: float = 14.0  # mean number of moving objects around the robot per scan
     mover_vehicle_share: float = 0.3  # the others are pedestrians
 
     # the sensor
-    azimuths: int = 1085  # firings a revolution; columns of a MulRan file (the real one has 1024)
+    azimuths: int = 1085  # columns per revolution (1024 in real MulRan files)
     max_range: float = 100.0
     range_noise: float = 0.025  # standard deviation
     dropout_near: float = 0.02  # share of returns lost at the sensor ...
@@ -55,13 +55,13 @@ class SimulationSettings:
     blind_width_deg: float = 0.0  # sector without returns, centred on the LiDAR's +x
 
     # the drives
-    lateral_offset: float = 5.0  # the path wanders by up to this to either side
-    lateral_knots: float = 40.0  # metres of path between two offsets
+    lateral_offset: float = 5.0  # largest varying offset of the path to either side
+    lateral_knots: float = 40.0  # metres of path between random offsets
     lane_offset: float = 0.0  # constant offset to the right of the street's middle
-    reversed_share: float = 0.5  # of the query's passes that go against every database pass
+    reversed_share: float = 0.5  # share of query passes opposite to all database passes
     scan_spacing: float = 2.0  # metres of path between scans
-    speed: float = 2.0  # metres a second
-    pose_rate: int = 100  # ground-truth rows a second
+    speed: float = 2.0  # metres per second
+    pose_rate: int = 100  # ground-truth rows per second
 
     def __post_init__(self) -> None:
         one_of("layout", self.layout, Layout)
@@ -72,26 +72,26 @@ class SimulationSettings:
 
     @property
     def streets_seed(self) -> int:
-        """The seed of what both sessions share: streets, buildings, trees."""
+        """The seed of streets, buildings and trees, which both sessions share."""
         return self.seed if self.world_seed is None else self.world_seed
 
     @property
     def corridor(self) -> float:
-        """Half the width kept free of standing objects along each street (metres)."""
+        """Half the width without standing objects along each street (metres)."""
         return self.lane_offset + self.lateral_offset + 1.5
 
     def as_dict(self) -> dict[str, object]:
-        """All knobs by name, as the manifest stores them."""
+        """All settings by name, for the manifest."""
         return asdict(self)
 
 
 def nclt(seed: int = 0) -> SimulationSettings:
-    """A campus seen by an upside-down HDL-32E on a swaying platform, in NCLT's layout."""
+    """A campus, scanned by an upside-down HDL-32E on a swaying platform, in NCLT's layout."""
     return SimulationSettings(seed=seed)
 
 
 def mulran(seed: int = 0) -> SimulationSettings:
-    """A city seen by an OS1-64 with a blind sector on a car, in MulRan's layout."""
+    """A city, scanned by an OS1-64 with a blind sector on a car, in MulRan's layout."""
     return SimulationSettings(
         layout="mulran",
         seed=seed,
@@ -136,10 +136,10 @@ def tiny(name: str, seed: int = 0) -> SimulationSettings:
 
 
 def with_knobs(settings: SimulationSettings, knobs: Mapping[str, object]) -> SimulationSettings:
-    """``settings`` with some knobs changed. Raises ConfigError for a name it does not have."""
-    known = [f.name for f in fields(settings)]
+    """A copy of ``settings`` with changes. Raises ConfigError for an unknown name."""
+    names = [f.name for f in fields(settings)]
     for name in knobs:
-        one_of("knob", name, known)
+        one_of("knob", name, names)
     return replace(settings, **knobs)  # type: ignore[arg-type]
 
 
@@ -182,8 +182,8 @@ _RANGES: dict[str, tuple[float, float]] = {
 
 def _check_range(name: str, value: object, low: float, high: float) -> None:
     whole = isinstance(low, int)
-    accepted = int if whole else (int, float)
-    fits = isinstance(value, accepted) and not isinstance(value, bool)
+    types = int if whole else (int, float)
+    fits = isinstance(value, types) and not isinstance(value, bool)
     if not fits or not low <= value <= high:  # type: ignore[operator]
         kind = "a whole number" if whole else "a number"
         raise ConfigError(f"{name}: {value!r}, expected {kind} from {low} to {high}")

@@ -1,4 +1,4 @@
-"""The one shape a world is made of: the upright prism, an oriented box or a cylinder."""
+"""Upright prisms, i.e. oriented boxes and cylinders, the only shapes of a world."""
 
 from dataclasses import dataclass, field, fields
 
@@ -16,7 +16,7 @@ _KINDS = {"round": np.bool_, "grounded": np.bool_, "sessions": np.uint8}  # the 
 
 @dataclass(frozen=True, eq=False)
 class Prisms:
-    """n upright prisms, one array (n,) a property; metres, world frame, z up."""
+    """n upright prisms, one array (n,) per property; metres, world frame, z up."""
 
     x: FloatArray
     y: FloatArray
@@ -27,7 +27,7 @@ class Prisms:
     yaw: FloatArray
     round: BoolArray  # cylinder instead of box
     depth: FloatArray  # mean free path of a beam inside; 0: opaque
-    grounded: BoolArray  # stands on the ground: nothing is seen below it
+    grounded: BoolArray  # stands on the ground, so that nothing is visible below it
     reflectance: FloatArray  # 0..1
     sessions: NDArray[np.uint8]  # bits DATABASE, QUERY
 
@@ -48,7 +48,7 @@ class Prisms:
         return np.where(self.round, self.half_length, box)
 
     def outline(self) -> FloatArray:
-        """Eight points on each footprint's bounding box and its centre: (n, 9, 2)."""
+        """Eight points on the bounding box of each footprint, and its centre: (n, 9, 2)."""
         u = np.array([-1, -1, -1, 0, 0, 0, 1, 1, 1]) * self.half_length[:, None]
         v = np.array([-1, 0, 1, -1, 0, 1, -1, 0, 1]) * self.half_width[:, None]
         c, s = np.cos(self.yaw)[:, None], np.sin(self.yaw)[:, None]

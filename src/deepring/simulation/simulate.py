@@ -1,4 +1,4 @@
-"""Simulate two drives through one world and write them as NCLT or MulRan would be on disk."""
+"""Simulates two drives through one world and writes them in the layout of NCLT or MulRan."""
 
 import multiprocessing
 from collections import Counter
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from deepring.checks import count
+from deepring import checks
 from deepring.progress import Progress
 from deepring.simulation import manifest, mulran_writer, nclt_writer
 from deepring.simulation.drive import Drive
@@ -15,11 +15,11 @@ from deepring.simulation.scene import Scene, scene_of
 from deepring.simulation.sensors import Sensor, Sweep
 from deepring.simulation.settings import SimulationSettings
 
-_BATCH = 8  # scans that a worker is handed at a time
+_BATCH = 8  # scans per task of a worker
 
 
 class Writer(Protocol):
-    """The functions of a layout's module, such as `nclt_writer`."""
+    """The interface of a layout's module, e.g. `nclt_writer`."""
 
     SESSIONS: tuple[str, str]
 
@@ -27,7 +27,7 @@ class Writer(Protocol):
         """Path of the scan of a stamp (microseconds)."""
 
     def pose_files(self, root: Path, session: str, /) -> list[Path]:
-        """The files that ``write_poses`` makes."""
+        """The files of `write_poses`."""
 
     def write_scan(self, path: Path, sweep: Sweep, sensor: Sensor, /) -> None:
         """Write one sweep."""
@@ -38,7 +38,7 @@ class Writer(Protocol):
 
 @dataclass(frozen=True)
 class ScanTask:
-    """One scan to write: of which settings and session (0 or 1), its index, and the file."""
+    """One scan to write: its settings, session (0 or 1), index and file."""
 
     settings: SimulationSettings
     session: int
@@ -55,13 +55,13 @@ def simulate(
 ) -> Path:
     """Write both sessions of ``settings`` below ``root`` and return ``root``.
 
-    A run that was interrupted goes on where it stopped; every scan has its own random numbers, so
-    neither that nor the number of ``workers`` (processes) changes a byte. ``progress`` is called
-    with the scans done so far and their total. A dataset that is whole is left as it is.
-    Raises FileError where ``root`` holds anything else, and then changes nothing; ConfigError for
-    workers that are no number of them.
+    An interrupted run continues where it stopped; every scan has its own random numbers, so that
+    neither interruptions nor the number of ``workers`` (processes) change the result. ``progress``
+    is called with the numbers of written scans and of all scans. A complete dataset is not changed.
+    Raises FileError, without changes, if ``root`` holds other data, and ConfigError for fewer than
+    one worker.
     """
-    count("workers", workers)
+    checks.count("workers", workers)
     root = Path(root)
     if manifest.claim(root, settings):
         return root
@@ -104,13 +104,11 @@ def _write_poses(scene: Scene, root: Path) -> None:
 
 
 def _write_scans(tasks: Sequence[ScanTask], workers: int, progress: Progress | None) -> None:
-    """Write the scans that are not there yet."""
+    """Write the missing scans."""
     missing = [task for task in tasks if not task.path.is_file()]
-    done = len(tasks) - len(missing)
-    for _ in _each(missing, workers):
-        done += 1
+    for count, _ in enumerate(_each(missing, workers), len(tasks) - len(missing) + 1):
         if progress is not None:
-            progress(done, len(tasks))
+            progress(count, len(tasks))
 
 
 def _each(tasks: Sequence[ScanTask], workers: int) -> Iterator[None]:

@@ -1,8 +1,8 @@
 """The train and test regions of a simulated world, in the ground truth's coordinates.
 
-Every world is split along its x axis: crossings of the train part lie at x <= 0, those of the
-test part at x >= GAP. No place of one region sees a place of the other within the 70 m that the
-descriptors look at. The street that joins the parts crosses the gap and belongs to neither.
+Every world is split along its x axis: crossings of the train part are at x <= 0, those of the test
+part at x >= GAP. Places of different regions do not see each other within the 70 m of the
+descriptors. The street between the parts crosses the gap and belongs to neither.
 """
 
 #: Width of the strip along x between the two regions (metres).
@@ -16,8 +16,8 @@ def _half_plane(x: float, y: float, towards: float) -> list[dict[str, dict[str, 
     return [{"half_plane": {"point": [x, y], "normal": [towards, 0.0]}}]
 
 
-#: By layout, as ``deepring.data.regions.parse_region`` and a data config read them. The same for
-#: every seed and every size of world. NCLT: north, east. MulRan: easting, northing.
+#: Regions by layout, for `deepring.data.regions.parse_region` and data configs, the same for all
+#: seeds and sizes of worlds. NCLT: north, east. MulRan: easting, northing.
 REGIONS = {
     "nclt": {"train": _half_plane(0.0, 0.0, -1.0), "test": _half_plane(GAP, 0.0, 1.0)},
     "mulran": {

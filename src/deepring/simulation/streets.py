@@ -1,4 +1,4 @@
-"""The street graph: a jittered grid of crossings in two parts that one street joins."""
+"""The street graph: a jittered grid of crossings in two parts, joined by one street."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +12,7 @@ from deepring.simulation.split import GAP
 FloatArray = NDArray[np.float64]
 Street = tuple[int, int]
 
-_INSET = 10.0  # the crossings next to the gap keep this distance from their region's edge
+_INSET = 10.0  # least distance of crossings next to the gap from the edge of their region
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Streets:
 
 
 def street_grid(settings: SimulationSettings, rng: np.random.Generator) -> Streets:
-    """Draw the crossings and connect neighbours within each part."""
+    """Draw crossings at random and connect neighbours within each part."""
     train_x = -_INSET - settings.block * np.arange(settings.train_columns)[::-1]
     test_x = GAP + _INSET + settings.block * np.arange(settings.test_columns)
     columns = np.concatenate([train_x, test_x])

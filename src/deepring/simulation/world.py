@@ -1,4 +1,4 @@
-"""A world: streets, the ground, everything that stands, and what moves through it."""
+"""A world: streets, ground, standing objects and moving objects."""
 
 from dataclasses import dataclass, replace
 
@@ -15,19 +15,19 @@ from deepring.simulation.yard import Yard, sides_of
 
 FloatArray = NDArray[np.float64]
 
-_MOVERS_AHEAD = 45.0  # moving objects are drawn this far along the street, either way (metres)
+_MOVERS_AHEAD = 45.0  # largest distance of moving objects along the street (metres)
 
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """Streets, ground, and the standing prisms of both sessions (see ``Prisms.sessions``)."""
+    """Streets, ground, and the standing prisms of both sessions (see `Prisms`)."""
 
     streets: Streets
     ground: Ground
     prisms: Prisms
 
     def standing(self, session: int, settings: SimulationSettings) -> Prisms:
-        """The standing prisms of one session (DATABASE or QUERY), crowns as bare as its season."""
+        """The standing prisms of one session (DATABASE or QUERY), with the crowns of its season."""
         present = self.prisms[np.flatnonzero(self.prisms.sessions & session)]
         if session == DATABASE:
             return replace(present, depth=present.depth * settings.bare_season)
@@ -35,7 +35,7 @@ class World:
 
 
 def build_world(settings: SimulationSettings) -> World:
-    """Draw the world of ``settings``: the same settings always give the same world."""
+    """Draw the world of ``settings``; equal settings give equal worlds."""
     rng = np.random.default_rng([settings.streets_seed, 1])
     streets = street_grid(settings, rng)
     ground = rolling_ground(settings.ground_relief, rng)
@@ -53,9 +53,9 @@ def build_world(settings: SimulationSettings) -> World:
 
 
 def _clear_streets(prisms: Prisms, streets: Streets, settings: SimulationSettings) -> Prisms:
-    """Leave out what would stand in a street, such as a building's corner near a crossing.
+    """Remove prisms that would stand in a street, e.g. a corner of a building near a crossing.
 
-    Crowns may hang over it.
+    Crowns may hang over streets.
     """
     clear = clearance(prisms.outline(), streets).min(axis=1) >= settings.corridor
     return prisms[np.flatnonzero(clear | ~prisms.grounded)]
@@ -64,9 +64,9 @@ def _clear_streets(prisms: Prisms, streets: Streets, settings: SimulationSetting
 def moving_objects(
     pose: FloatArray, ground: Ground, settings: SimulationSettings, rng: np.random.Generator
 ) -> Prisms:
-    """Pedestrians and vehicles in the street around the robot, drawn anew for each scan.
+    """Random pedestrians and vehicles in the street around the robot.
 
-    ``pose`` (4, 4) is world <- body. Nothing is drawn within 3.5 m of the robot's path.
+    ``pose`` (4, 4) is world <- body. All are at least 3.5 m from the robot's path.
     """
     things = Yard(settings, ground, PrismList(), rng)
     heading = float(np.arctan2(pose[1, 0], pose[0, 0]))

@@ -1,4 +1,4 @@
-"""Placing things along a street: the side to place them on, and the dice."""
+"""Helpers to place objects: sides of streets, and random numbers."""
 
 from dataclasses import dataclass
 
@@ -12,12 +12,12 @@ from deepring.simulation.streets import Street, Streets
 
 FloatArray = NDArray[np.float64]
 
-_FOOT = 0.6  # objects reach this far below the ground, so that none floats on a slope
+_FOOT = 0.6  # depth of objects below the ground, so that none floats on a slope
 
 
 @dataclass(frozen=True, eq=False)
 class StreetSide:
-    """One side of a street: where it starts, its direction and the direction away from it."""
+    """One side of a street: its start, its direction and the direction away from it."""
 
     start: FloatArray
     along: FloatArray
@@ -45,17 +45,17 @@ def sides_of(street: Street, streets: Streets) -> tuple[StreetSide, StreetSide]:
 
 @dataclass(frozen=True)
 class Character:
-    """How one side of a street differs from the average one."""
+    """The difference of one side of a street from the average."""
 
-    height: float  # factor on the buildings' heights
+    height: float  # factor of the buildings' heights
     setback: float  # metres added between the street and its buildings
-    trees: float  # factor on the trees' number
-    built: float  # factor on the share of plots that are built on
+    trees: float  # factor of the number of trees
+    built: float  # factor of the share of plots with a building
 
 
 @dataclass(frozen=True, eq=False)
 class Yard:
-    """The settings, the ground, the list of prisms to fill, and the dice."""
+    """The settings, the ground, the list of prisms to fill, and random numbers."""
 
     settings: SimulationSettings
     ground: Ground
@@ -67,11 +67,11 @@ class Yard:
         return float(self.rng.uniform(low, high))
 
     def chance(self, share: float) -> bool:
-        """True for a share of the calls."""
+        """True with probability ``share``."""
         return bool(self.rng.random() < share)
 
     def character(self) -> Character:
-        """Draw a side's character; ``street_variety`` says how far it is from the average."""
+        """Draw a side's character; ``street_variety`` scales its difference from the average."""
         v = self.settings.street_variety
         return Character(
             height=2.0 ** self.between(-0.8 * v, 0.8 * v),
@@ -80,9 +80,9 @@ class Yard:
             built=1.0 + self.between(-0.6 * v, 0.2 * v),
         )
 
-    def session(self, changed: float) -> int:
-        """BOTH, or for a share ``changed`` of the calls one session only."""
-        if not self.chance(changed):
+    def session(self, change: float) -> int:
+        """BOTH, or with probability ``change`` only one session."""
+        if not self.chance(change):
             return BOTH
         return DATABASE if self.chance(0.5) else QUERY
 

@@ -1,1 +1,1 @@
-"""Training schemes, a folder or a file each, and the Lightning module and data that run them."""
+"""Training schemes, and the Lightning module and data module that run them."""

@@ -1,4 +1,4 @@
-"""Which batches each process of a run takes, epoch by epoch."""
+"""The batches of each process of a run, per epoch."""
 
 import math
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from torch.utils.data import Sampler
 
 
 class BatchOrder(Sampler[int]):
-    """Numbers of an epoch's batches; each process of a distributed run takes its own."""
+    """Numbers of an epoch's batches; each process of a distributed run has its own."""
 
     def __init__(self, per_epoch: int, rank: int = 0, world_size: int = 1) -> None:
         self.per_epoch, self.rank, self.world_size = per_epoch, rank, world_size

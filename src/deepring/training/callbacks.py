@@ -1,4 +1,4 @@
-"""Lightning callbacks: movable checkpoints, a line per epoch, the time between epochs."""
+"""Lightning callbacks: movable checkpoints, a log line per epoch, calls between epochs."""
 
 import logging
 from pathlib import Path
@@ -14,32 +14,32 @@ log = logging.getLogger(__name__)
 
 
 class MovableCheckpoint(ModelCheckpoint):
-    """Lightning's ModelCheckpoint, but a resumed run may lie elsewhere than when it was stopped.
+    """Lightning's ModelCheckpoint for runs whose folder may have moved before they are resumed.
 
-    Lightning forgets the best score where the folder is another, so that a later, worse epoch
-    would take the place of the best one.
+    Lightning itself forgets the best score of a moved run, so that a later, worse epoch would
+    replace the best one.
     """
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Point the paths of the state at where the files lie now, then restore all."""
+        """Change the paths of the state to the current folder, then restore it."""
         folder = Path(str(self.dirpath))
 
         def here(path: str) -> str:
             return str(folder / Path(path).name) if path else path
 
-        moved = dict(state_dict)
-        moved["dirpath"] = str(self.dirpath)
+        state = dict(state_dict)
+        state["dirpath"] = str(self.dirpath)
         for key in ("best_model_path", "kth_best_model_path", "last_model_path"):
-            moved[key] = here(moved[key])
-        moved["best_k_models"] = {here(path): v for path, v in moved["best_k_models"].items()}
-        super().load_state_dict(moved)
+            state[key] = here(state[key])
+        state["best_k_models"] = {here(path): v for path, v in state["best_k_models"].items()}
+        super().load_state_dict(state)
 
 
 class EpochLines(Callback):
     """Logs loss, accuracy and validation recall after each epoch, for runs without a bar."""
 
     def on_train_epoch_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:  # noqa: ARG002
-        """After validation, which Lightning runs within the epoch; in the first process alone."""
+        """Log after validation, which Lightning runs in the epoch; in the first process only."""
         if not trainer.is_global_zero:
             return
         values = trainer.callback_metrics
@@ -49,15 +49,15 @@ class EpochLines(Callback):
 
 
 class BetweenEpochs(Callback):
-    """Tells the training set of each epoch's start and end; see `TrainingSet`."""
+    """Calls `TrainingSet.before_epoch` and `TrainingSet.after_epoch`."""
 
     def on_train_epoch_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
-        """Before the epoch's loader is asked for batches, in every process."""
+        """Call `before_epoch` before the epoch's first batch, in every process."""
         method = cast("NetworkMethod", pl_module.method)
         _datamodule(trainer).train_set.before_epoch(trainer.current_epoch, method)
 
     def on_train_epoch_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:  # noqa: ARG002
-        """Before the epoch's last checkpoint is written, in every process."""
+        """Call `after_epoch` before the epoch's last checkpoint, in every process."""
         means = {
             name.removeprefix("train/"): float(value)
             for name, value in trainer.callback_metrics.items()

@@ -1,4 +1,4 @@
-"""Batches to train on and retrieval sets to validate on, as a LightningDataModule."""
+"""Training batches and validation sets as a LightningDataModule."""
 
 import logging
 from collections.abc import Sequence
@@ -33,12 +33,12 @@ class PlaceDataModule(L.LightningDataModule):
     """Training batches from the training regions of one or several datasets.
 
     Args:
-        datasets: what to train on; each gives a validation set unless its share is 0.
-        raster: the image of a scan that the method takes.
-        scheme: what batches are and how they are drawn, such as `EpisodeScheme`.
-        cache: where rasters are kept.
-        seed: of the batches.
-        workers: processes that draw them; 0 draws them in the training process.
+        datasets: training datasets, each with a validation set unless its share is 0.
+        raster: the raster of the method.
+        scheme: samples the batches, e.g. `EpisodeScheme`.
+        cache: cache of rasters.
+        seed: random seed of the batches.
+        workers: processes that sample batches; with 0, the training process does.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class PlaceDataModule(L.LightningDataModule):
                 load_rasters(self.cache, scans, self.raster, what)
 
     def setup(self, stage: str) -> None:
-        """Load what the training regions hold. Raises DeepringError where it is too little."""
+        """Load the scans of the training regions. Raises DataError for too few of them."""
         if stage != "fit":
             return
         sessions = []
@@ -82,11 +82,11 @@ class PlaceDataModule(L.LightningDataModule):
         }
 
     def state_dict(self) -> dict[str, Any]:
-        """The training set's own, kept in checkpoints."""
+        """The state of the training set, for checkpoints."""
         return self.train_set.state_dict()
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Give the training set the state of the run that goes on."""
+        """Restore the state of the training set of a resumed run."""
         self.train_set.load_state_dict(state_dict)
 
     def _validation_batch(self, dataset: PlaceDataset) -> RetrievalBatch:
@@ -97,13 +97,11 @@ class PlaceDataModule(L.LightningDataModule):
         query, q = load_rasters(
             self.cache, split.query, self.raster, f"{dataset.name}: validation queries"
         )
-        everything = slice(None)
-        return RetrievalBatch(
-            d[everything], q[everything], distances_between(query.positions, database)
-        )
+        every = slice(None)
+        return RetrievalBatch(d[every], q[every], distances_between(query.positions, database))
 
     def train_dataloader(self) -> DataLoader[Any]:
-        """Batches of an epoch; each distributed process takes its own."""
+        """The batches of an epoch; each distributed process has its own."""
         rank, world = (
             (self.trainer.global_rank, self.trainer.world_size) if self.trainer else (0, 1)
         )
@@ -112,12 +110,12 @@ class PlaceDataModule(L.LightningDataModule):
             self.train_set,
             batch_size=None,
             sampler=order,
-            # Workers start anew each epoch, and so see what the set has learnt meanwhile.
+            # Workers restart every epoch, so that they see changes of the set between epochs.
             num_workers=self.workers,
         )
 
     def val_dataloader(self) -> list[DataLoader[RetrievalBatch]]:
-        """One loader per validation set, each of one batch; `validation` holds their names."""
+        """One loader of one batch per validation set; ``validation`` holds their names."""
         return [
             DataLoader([batch], batch_size=None)  # type: ignore[arg-type]
             for batch in self.validation.values()

@@ -1,4 +1,4 @@
-"""The LightningModule: a batch in, a loss out; retrieval in validation."""
+"""The LightningModule: training steps by a scheme, retrieval in validation."""
 
 from collections.abc import Callable, Iterable
 from typing import Any, cast
@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 from torchmetrics import Metric
 
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError
 from deepring.evaluation.batched_metrics import PlaceAUC, RecallAtK
 from deepring.methods.method import describe_all
 from deepring.methods.network import NetworkMethod
@@ -24,14 +24,14 @@ class PlaceModule(L.LightningModule):
     """A method under training.
 
     Args:
-        method: the network; its class and settings, with the weights, are the checkpoint.
-        scheme: puts a batch through the network and the loss.
-        loss: one of the scheme's; another raises ConfigError.
+        method: the network; a checkpoint holds its name, settings and weights.
+        scheme: computes the loss of a batch.
+        loss: a loss of the scheme; any other raises ConfigError.
         validation: names of the validation sets, in the order of their loaders.
         optimizer: makes the optimizer of the parameters.
-        scheduler: makes its schedule, stepped once per epoch; None keeps the rate.
+        scheduler: makes its schedule, stepped once per epoch; None keeps the rate constant.
         radius: revisit radius of the validation metrics, metres.
-        trained_on: names of the training datasets, kept in the checkpoint.
+        trained_on: names of the training datasets, stored in the checkpoint.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class PlaceModule(L.LightningModule):
             "trained_on": trained_on,
             "loss": type(self.loss).__name__,
         }
-        # Plain values only: a checkpoint must load with weights_only=True.
+        # Only plain values, so that checkpoints load with ``weights_only=True``.
         self.save_hyperparameters(origin, logger=False)
         self.make_optimizer, self.make_scheduler = optimizer, scheduler
         self.validation = validation or []
@@ -64,11 +64,11 @@ class PlaceModule(L.LightningModule):
     def training_step(self, batch: Any, _: int) -> Tensor:
         """The loss of a batch, by the scheme's step."""
         step = self.scheme.step(self.method, self.loss, batch)
-        # A batch counts as one, whatever it holds.
+        # All batches have equal weight, whatever their size.
         self.log("train/loss", step.loss, prog_bar=True, batch_size=1)
         self.log("train/accuracy", step.accuracy, prog_bar=True, batch_size=1)
         for name, value in step.parts.items():
-            # Of all processes, since training sets go by it between epochs.
+            # Averaged over all processes, since training sets use it between epochs.
             self.log(
                 f"train/{name}", value, on_step=False, on_epoch=True, batch_size=1, sync_dist=True
             )
@@ -87,15 +87,15 @@ class PlaceModule(L.LightningModule):
             self.log(tag, metric, add_dataloader_idx=False, on_epoch=True, on_step=False)
 
     def on_validation_epoch_end(self) -> None:
-        """The figure that checkpoints are chosen by: the mean recall over validation sets."""
+        """Log the criterion of checkpoints, the mean recall over validation sets."""
         recalls = [cast("Metric", recall).compute() for recall in self.recalls]
         mean = torch.stack(recalls).mean()
         self.log("val/recall@1", mean, prog_bar=True)
 
     def configure_optimizers(self) -> Any:
-        """The configured optimizer, and its schedule by epoch."""
+        """The configured optimizer and its schedule per epoch."""
         if self.make_optimizer is None:
-            raise DeepringError("optimizer: none given, and training needs one")
+            raise ConfigError("optimizer: None, expected a function that makes one for training")
         optimizer = self.make_optimizer(self.parameters())
         if self.make_scheduler is None:
             return optimizer

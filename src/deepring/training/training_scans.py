@@ -1,4 +1,4 @@
-"""The scans that training draws from, of all datasets, with their positions and headings."""
+"""The training scans of all datasets, with their positions and headings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from deepring.data.scan_set import ScanSet
 from deepring.errors import ConfigError
 
 Neighbours = list[NDArray[np.int64]]
-"""For each scan the sorted numbers of some others."""
+"""For each scan, sorted numbers of nearby scans."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,9 +20,9 @@ class TrainingScans:
     """n scans of the training regions."""
 
     positions: NDArray[np.float64]
-    """(n, 2) metres, around each dataset's own origin, so that UTM keeps its precision."""
+    """(n, 2) metres from the dataset's origin, which preserves the precision of UTM."""
     dataset: NDArray[np.int64]
-    """(n,) number of the dataset that each scan is from."""
+    """(n,) number of each scan's dataset."""
     headings: NDArray[np.float64]
     """(n,) radians, counter-clockwise in the world."""
     rasters: Rasters
@@ -45,7 +45,7 @@ class TrainingScans:
 
     @classmethod
     def concatenate(cls, sessions: Sequence[Self]) -> Self:
-        """The scans of several sessions, whose rasters are of one kind."""
+        """The scans of several sessions with the same raster."""
         return cls(
             np.concatenate([scans.positions for scans in sessions]),
             np.concatenate([scans.dataset for scans in sessions]),
@@ -58,12 +58,12 @@ class TrainingScans:
 
 
 def set_apart(positions: NDArray[np.float64], dataset: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(n, 3) metres: a third axis sets the datasets a thousand kilometres apart."""
+    """Points (n, 3), metres, with datasets 1000 km apart along a third axis."""
     return np.column_stack([positions, dataset * 1e6])
 
 
 def within(points: NDArray[np.float64], radius: float) -> Neighbours:
-    """For each of (n, 3) points the numbers of those within ``radius`` metres, its own included."""
+    """Numbers of the points within ``radius`` metres of each of (n, 3) points, itself included."""
     from scipy.spatial import KDTree
 
     numbers = KDTree(points).query_ball_point(points, radius, return_sorted=True)
@@ -71,7 +71,7 @@ def within(points: NDArray[np.float64], radius: float) -> Neighbours:
 
 
 def check_radii(positive_radius: float, negative_radius: float) -> None:
-    """Raise ConfigError unless scans of one place are nearer than those of different places."""
+    """Raise ConfigError unless 0 < positive_radius <= negative_radius."""
     if not 0 < positive_radius <= negative_radius:
         raise ConfigError(
             f"sampling.positive_radius: {positive_radius} m, sampling.negative_radius: "

@@ -1,1 +1,1 @@
-"""Pose tables, trajectories, and the pose of each scan."""
+"""Pose tables, trajectories, and the matching of scans and poses."""

@@ -1,4 +1,4 @@
-"""The scans of a folder that have a pose, each with its own."""
+"""Matches the scans of a folder with poses."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -18,21 +18,21 @@ class PosedScans(NamedTuple):
 
     files: tuple[Path, ...]
     stamps: NDArray[np.int64]  # (m,) nanoseconds
-    poses: NDArray[np.float64]  # (m, 4, 4), as the trajectory has them
+    poses: NDArray[np.float64]  # (m, 4, 4), interpolated on the trajectory
     skipped: SkippedScans
 
 
 def match_scans(listing: Listing, trajectory: Trajectory, tolerance_s: float) -> PosedScans:
-    """Give each scan of a listing in nanoseconds its pose, and count those that get none.
+    """Match each scan of a listing in nanoseconds with its pose, and count those without one.
 
-    Raises DataError where no scan gets one.
+    Raises DataError if no scan has a pose.
     """
     poses, valid = trajectory.interpolate(listing.numbers, tolerance_s)
     if not valid.any():
         raise DataError(
             f"no pose within {tolerance_s} s of any scan of {listing.files[0].parent}: scans run "
             f"{_span(listing.numbers)}, poses {_span(trajectory.stamps)}. Check that scans and "
-            "ground truth are of the same drive, or raise pose_tolerance"
+            "ground truth are from the same drive, or raise pose_tolerance"
         )
     return PosedScans(
         files=tuple(listing.files[i] for i in np.flatnonzero(valid)),

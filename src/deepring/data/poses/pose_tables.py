@@ -17,31 +17,31 @@ def stamped_rows(columns: int) -> np.dtype:
     return np.dtype([("stamp", np.int64), ("values", np.float64, (columns,))])
 
 
-def read_table(path: Path, row: np.dtype, delimiter: str | None, expected: str) -> NDArray:
+def read_table(path: Path, row: np.dtype, delimiter: str | None, description: str) -> NDArray:
     """Read a text table without header into (n,) rows of type ``row``.
 
-    ``expected`` says in words what a row holds. Raises FileError where the file cannot be read,
-    where a row holds anything else, naming the row, and where there is none.
+    ``description`` describes a row in messages. Raises FileError for a file that cannot be read,
+    for an invalid row, with its line, and for a file without rows.
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # numpy only warns of an empty file
+            warnings.simplefilter("error")  # NumPy only warns of an empty file
             return np.loadtxt(path, dtype=row, delimiter=delimiter, ndmin=1)
     except (OSError, ValueError, OverflowError, Warning) as error:
         raise FileError(
             f"{path}: {_problem(path, row, delimiter)}; expected no header, and in each row "
-            f"{expected}. Fetch the file again, or repair the row"
+            f"{description}. Fetch the file again, or repair the row"
         ) from error
 
 
 def _problem(path: Path, row: np.dtype, delimiter: str | None) -> str:
-    """Why a file is no table of such rows: the first row that is none."""
+    """The reason why a file is not a table of such rows, e.g. its first invalid row."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except OSError as error:
         return f"cannot be read ({error.strerror})"
     except UnicodeDecodeError:
-        return "is no text"
+        return "is not text"
     kinds = _kinds(row)
     rows = 0
     for number, line in enumerate(lines, start=1):
@@ -50,11 +50,11 @@ def _problem(path: Path, row: np.dtype, delimiter: str | None) -> str:
             rows += 1
             if not _fits(text.split(delimiter), kinds):
                 return f"line {number} reads {text[:80]!r}"
-    return "holds a row that is none" if rows else "holds no row"
+    return "contains an invalid row" if rows else "contains no row"
 
 
 def _kinds(row: np.dtype) -> list[type]:
-    """int or float for each number of a row."""
+    """The types, int or float, of the numbers of a row."""
     kinds: list[type] = []
     for name in row.names or ():
         column = row[name]
@@ -81,14 +81,14 @@ def poses_from_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def poses_from_quaternions(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Poses (n, 4, 4) from rows (n, 7): x, y, z and a quaternion qx, qy, qz, qw, as TUM's.
+    """Poses (n, 4, 4) from TUM rows (n, 7): x, y, z and a quaternion qx, qy, qz, qw.
 
-    A row whose quaternion is not of length 1 to 1 % (files round) becomes NaN.
+    Rows become NaN if the length of the quaternion differs from 1 by more than 1 %.
     """
     from scipy.spatial.transform import Rotation
 
     poses = np.full((len(rows), 4, 4), np.nan)
-    unit = np.abs(np.linalg.norm(rows[:, 3:], axis=1) - 1) < 0.01  # NaN is none
+    unit = np.abs(np.linalg.norm(rows[:, 3:], axis=1) - 1) < 0.01  # False for NaN
     if unit.any():
         poses[unit, :3, :3] = Rotation.from_quat(rows[unit, 3:]).as_matrix()
         poses[unit, :3, 3] = rows[unit, :3]
@@ -97,9 +97,9 @@ def poses_from_quaternions(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def rigid_rows(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask (n,) of the poses (n, 4, 4) that are finite, with a rotation to 1 % (files round)."""
+    """Mask (n,) of the poses (n, 4, 4) that are finite and rigid to within 1 %."""
     finite = np.isfinite(poses).all(axis=(1, 2))
-    # Clipped, so that garbage cannot overflow the product; an entry of 2 is in no rotation.
+    # Clipping prevents overflow in the product; entries of rotations are at most 1.
     rotations = np.clip(np.nan_to_num(poses[:, :3, :3]), -2.0, 2.0)
     product = np.einsum("nij,nkj->nik", rotations, rotations)
     orthonormal = np.abs(product - np.eye(3)).max(axis=(1, 2), initial=0.0) < 0.01

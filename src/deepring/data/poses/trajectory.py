@@ -1,4 +1,4 @@
-"""Ground-truth trajectories: stamped poses, interpolated at the scans' stamps."""
+"""Ground-truth trajectories: stamped poses, interpolated at the stamps of scans."""
 
 from pathlib import Path
 
@@ -13,17 +13,16 @@ class Trajectory:
     """Poses along one drive, ascending in time.
 
     ``stamps`` are (n,) int64 nanoseconds, ``poses`` (n, 4, 4) float64 rigid transforms,
-    ``source`` names where they come from in error messages. Rows that hold NaN or infinity, no
-    rotation, or a negative stamp are dropped; rows out of order are sorted back into place; of
-    rows with equal stamps the first in the file is kept. ``bad_poses`` counts all of these.
-    Raises DataError where no row is usable.
+    ``source`` is their origin in error messages. Rows with NaN or infinity, without a rotation, or
+    with a negative stamp are dropped; rows out of order are sorted; of rows with equal stamps the
+    first is kept. ``bad_poses`` counts all of these. Raises DataError if no row is usable.
     """
 
     def __init__(self, stamps: ArrayLike, poses: ArrayLike, source: Path | str = "trajectory"):
         times = np.asarray(stamps, dtype=np.int64)
         rows = np.asarray(poses, dtype=np.float64)
         if rows.shape != (*times.shape, 4, 4) or times.ndim != 1:
-            raise ValueError(
+            raise DataError(
                 f"{source}: stamps {times.shape} and poses {rows.shape}; expected (n,), (n, 4, 4)"
             )
         usable = rigid_rows(rows) & (times >= 0)
@@ -50,10 +49,10 @@ class Trajectory:
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Poses (m, 4, 4) at ``stamps`` (m,) int64 nanoseconds, and a mask (m,) of the valid ones.
 
-        A stamp is valid when a pose has exactly that stamp, or when **both** the last pose before
-        and the first pose after it lie within ``tolerance_s`` seconds. So nothing is extrapolated,
-        and no gap longer than twice the tolerance is bridged. Rotations are interpolated along
-        the shortest arc (slerp), translations linearly; invalid rows are NaN.
+        A stamp is valid if a pose has exactly that stamp, or if **both** the last pose before and
+        the first pose after it are within ``tolerance_s`` seconds: there is no extrapolation, and
+        no interpolation across gaps longer than twice the tolerance. Rotations are interpolated
+        along the shortest arc (slerp), translations linearly; invalid rows are NaN.
         """
         tolerance = np.int64(round(checked_tolerance(tolerance_s) * NANOSECONDS))
         times = np.asarray(stamps, dtype=np.int64)
@@ -61,7 +60,7 @@ class Trajectory:
         exact = self.stamps[after] == times
         before = np.where(exact, after, np.maximum(after - 1, 0))
         since, until = times - self.stamps[before], self.stamps[after] - times
-        # Ahead of the first pose `since` is negative, behind the last one `until` is.
+        # Before the first pose ``since`` is negative, after the last one ``until`` is.
         near = (since >= 0) & (since <= tolerance) & (until >= 0) & (until <= tolerance)
         valid = np.asarray(exact | near, dtype=np.bool_)
         poses = np.full((len(times), 4, 4), np.nan)
@@ -86,9 +85,9 @@ def _between(
 
 
 def checked_tolerance(tolerance_s: float) -> float:
-    """Return a pose tolerance in seconds if it is one; raises ConfigError otherwise."""
-    if not 0 <= tolerance_s <= 3600:  # also refuses NaN
+    """Return a pose tolerance in seconds if it is valid. Raises ConfigError otherwise."""
+    if not 0 <= tolerance_s <= 3600:  # also rejects NaN
         raise ConfigError(
-            f"pose_tolerance: {tolerance_s!r}, expected seconds between 0 and 3600, such as 0.05"
+            f"pose_tolerance: {tolerance_s!r}, expected seconds between 0 and 3600, e.g. 0.05"
         )
     return float(tolerance_s)

@@ -1,8 +1,8 @@
-"""Dataset layouts by name: open a session, list sessions, tell which layout a folder has.
+"""Dataset layouts by name: opens and lists sessions, and detects the layout of a folder.
 
-A layout is one module of this package, which ends in ``READER = Reader(...)``. Modules are found
-by their names and imported when they are first needed. A reader from another package is known
-after `register_reader`, or by an entry point of the group ``deepring.readers``.
+Each layout is one module of this package, which ends in ``READER = Reader(...)`` and is imported on
+first use. Other packages add readers by `register_reader`, or by an entry point of the group
+``deepring.readers``.
 """
 
 import inspect
@@ -24,31 +24,30 @@ from deepring.errors import ConfigError, DataError
 #: The group of entry points under which other packages offer readers.
 ENTRY_POINTS = "deepring.readers"
 
-_DEPTH, _MOST_NAMES = 3, 50_000  # how far, and at how many names, a folder is looked into
+_DEPTH, _MOST_NAMES = 3, 50_000  # limits of the search in a folder: levels and names
 _registered: dict[str, Reader] = {}
 
 
 def register_reader(reader: Reader) -> None:
-    """Make a reader known by its name. Raises ConfigError where the name is taken."""
+    """Register a reader by its name. Raises ConfigError for an existing name."""
     if reader.name in reader_names():
         raise ConfigError(
-            f"reader.name: {reader.name!r}, expected a new name; {', '.join(reader_names())} "
-            "are taken"
+            f"reader.name: {reader.name!r}, expected a name other than {', '.join(reader_names())}"
         )
     _registered[reader.name] = reader
 
 
 def reader_names() -> list[str]:
-    """The names of all layouts; none of their modules is imported."""
-    return [*_own_modules(), *_entry_points(), *_registered]
+    """The names of all layouts, without importing their modules."""
+    return [*_modules(), *_entry_points(), *_registered]
 
 
 def reader_of(format: str) -> Reader:
-    """The reader of a layout's name. Raises ConfigError for an unknown one."""
+    """The reader of a layout. Raises ConfigError for an unknown name."""
     one_of("format", format, reader_names())
     if format in _registered:
         return _registered[format]
-    if format in _own_modules():
+    if format in _modules():
         reader: Reader = import_module(f"{__name__}.{format}").READER
     else:
         reader = _entry_points()[format].load()
@@ -56,49 +55,49 @@ def reader_of(format: str) -> Reader:
 
 
 def binary_formats() -> dict[str, BinaryScans]:
-    """The kinds of .bin files, by name."""
+    """The formats of .bin files, by name."""
     return {name: scans for reader in _readers() for name, scans in reader.scans.items()}
 
 
 def open_session(format: str, root: Path | str, name: str | None = None, **options: Any) -> Session:
-    """Open session ``name`` of the dataset in ``root``; ``name`` may be left out if it has one.
+    """Open session ``name`` of the dataset in ``root``; optional if there is only one.
 
-    ``options`` go to the reader: ``pose_tolerance`` (nclt, mulran), ``extrinsic`` (mulran).
-    Raises ConfigError for an unknown format or option, and DataError where the session cannot be
+    ``options`` go to the reader: ``pose_tolerance`` (helipr, mulran, nclt), ``extrinsic`` (mulran).
+    Raises ConfigError for an unknown format or option, and DataError if the session cannot be
     opened.
     """
     reader = reader_of(format)
-    accepted = list(inspect.signature(reader.open).parameters)[2:]
+    names = list(inspect.signature(reader.open).parameters)[2:]
     for option in options:
-        if option not in accepted:
+        if option not in names:
             raise ConfigError(
-                f"option {option!r} of format {format}; expected "
-                f"{'one of ' + ', '.join(accepted) if accepted else 'none'}"
+                f"option {option!r} of format {format}, expected "
+                f"{'one of ' + ', '.join(names) if names else 'none'}"
             )
     if name is None:
         names = list_sessions(format, root)
         if len(names) > 1:
             raise DataError(
-                f"{root} holds {len(names)} sessions ({', '.join(names)}): name one",
+                f"{root}: {len(names)} sessions ({', '.join(names)}), expected the name of one",
                 argument="name",
             )
         name = names[0]
     try:
-        with _layouts_named(reader):
+        with _name_layouts(reader):
             return reader.open(root, name, **options)
     except DataError as error:
         names = reader.sessions(root) if Path(root).is_dir() else []
         if not names or name in names:
             raise
         raise DataError(
-            f"no session {name!r} in {root}, which holds {', '.join(names)}; name one of these"
+            f"no session {name!r} in {root}, expected one of {', '.join(names)}"
         ) from error
 
 
 def list_sessions(format: str, root: Path | str) -> list[str]:
-    """Names of the sessions in ``root``. Raises DataError where there is none."""
+    """Names of the sessions in ``root``. Raises DataError if there are none."""
     reader = reader_of(format)
-    with _layouts_named(reader):
+    with _name_layouts(reader):
         names = reader.sessions(root)
         if not names:
             raise LayoutError("no scans of any session", existing_root(root))
@@ -106,9 +105,9 @@ def list_sessions(format: str, root: Path | str) -> list[str]:
 
 
 def detect_format(root: Path | str) -> str:
-    """The name of the layout of the dataset in ``root``, by the names of files and folders.
+    """Detect the layout of the dataset in ``root`` by the names of files and folders.
 
-    Raises DataError where it has none of the known layouts, or several.
+    Raises DataError if no layout or several layouts match.
     """
     if (name := _format_of_file(Path(root))) is not None:
         return name
@@ -118,32 +117,34 @@ def detect_format(root: Path | str) -> str:
         return guesses[0]
     if guesses:
         raise DataError(
-            f"{base} holds data of several formats ({', '.join(guesses)}): name the format, or "
-            "give the folder of one dataset"
+            f"{base}: data of several formats ({', '.join(guesses)}); name the format, or choose "
+            "the folder of one dataset"
         )
     layouts = "\n".join(
         f"  {reader.title}: {layout}" for reader in _readers() for layout in reader.layouts
     )
     raise DataError(
-        f"{base} holds no dataset of a known layout; expected root to be the folder that holds "
-        f"one of these:\n{layouts}"
+        f"{base}: no dataset of a known layout; expected the folder that contains one of "
+        f"these:\n{layouts}"
     )
 
 
 def ground_of(session: Session, format: str) -> float:
-    """z of the ground under the sensor in a session's scans, metres: the session's own value, or
-    the usual one of its format. Raises DataError where neither says it."""
+    """z of the ground under the sensor in a session's scans, metres.
+
+    The session's own value, or the usual one of its format; DataError without either.
+    """
     ground_z = reader_of(format).ground_z if session.ground_z is None else session.ground_z
     if ground_z is None:
         raise DataError(
-            f"format {format}: neither it nor session {session.name} says how high the sensor is; "
-            "give ground_z"
+            f"ground_z: unknown for format {format} and session {session.name}; set it to z of the "
+            "ground in the scans' frame, metres"
         )
     return ground_z
 
 
 @cache
-def _own_modules() -> tuple[str, ...]:
+def _modules() -> tuple[str, ...]:
     return tuple(m.name for m in pkgutil.iter_modules(__path__) if m.name != "reader")
 
 
@@ -159,19 +160,19 @@ def _readers() -> Iterator[Reader]:
 
 
 @contextmanager
-def _layouts_named(reader: Reader) -> Iterator[None]:
-    """Add to a LayoutError which layouts are accepted, and which one the folder has."""
+def _name_layouts(reader: Reader) -> Iterator[None]:
+    """Add to a LayoutError the accepted layouts and the likely one of the folder."""
     try:
         yield
     except LayoutError as error:
         folder = error.root if error.root.is_dir() else None
-        others = [name for name in (_guesses(folder) if folder else ()) if name != reader.name]
+        guesses = [name for name in (_guesses(folder) if folder else ()) if name != reader.name]
         advice = "".join(
-            f" This looks like a {reader_of(other).title} folder: use format {other}."
-            for other in others
+            f" This looks like a {reader_of(name).title} folder: use format {name}."
+            for name in guesses
         )
-        listed = "\n".join(f"  {layout}" for layout in reader.layouts)
-        raise DataError(f"{reader.title}: {error}.{advice} Accepted layouts:\n{listed}") from None
+        layouts = "\n".join(f"  {layout}" for layout in reader.layouts)
+        raise DataError(f"{reader.title}: {error}.{advice} Accepted layouts:\n{layouts}") from None
 
 
 def _format_of_file(root: Path) -> str | None:
@@ -181,30 +182,30 @@ def _format_of_file(root: Path) -> str | None:
 
 
 def _guesses(root: Path) -> list[str]:
-    """The layouts whose signatures lie in ``root`` or a few levels below it."""
+    """The layouts with signatures in ``root`` or a few levels below it."""
     readers = list(_readers())
-    closed = {folder for reader in readers for folder in reader.scan_folders}
-    names = {root.name, *islice(_names_below(root, closed), _MOST_NAMES)}
-    likely = [
+    scan_folders = {folder for reader in readers for folder in reader.scan_folders}
+    names = {root.name, *islice(_names_below(root, scan_folders), _MOST_NAMES)}
+    matches = [
         reader
         for reader in readers
         if any(fnmatch(name, pattern) for name in names for pattern in reader.signatures)
     ]
-    explained = {name for reader in likely for name in reader.resembles}
-    return [reader.name for reader in likely if reader.name not in explained]
+    similar = {name for reader in matches for name in reader.resembles}
+    return [reader.name for reader in matches if reader.name not in similar]
 
 
-def _names_below(root: Path, closed: set[str]) -> Iterator[str]:
-    """The names of all files and folders below ``root``, level by level."""
+def _names_below(root: Path, scan_folders: set[str]) -> Iterator[str]:
+    """The names of files and folders below ``root``, level by level, except in scan folders."""
     level = [root]
     for _ in range(_DEPTH + 1):
         entries = [entry for folder in level for entry in _entries(folder)]
         yield from (entry.name for entry in entries)
-        level = [entry for entry in entries if entry.name not in closed and entry.is_dir()]
+        level = [entry for entry in entries if entry.name not in scan_folders and entry.is_dir()]
 
 
 def _entries(folder: Path) -> list[Path]:
     try:
         return sorted(folder.iterdir())
-    except OSError:  # a folder that we may not look into tells nothing
+    except OSError:  # e.g. a folder without permission to read
         return []

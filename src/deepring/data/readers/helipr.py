@@ -1,7 +1,7 @@
 """HeLiPR (KAIST, SNU): four LiDARs on one car, each with its own poses.
 
-A session is a sequence seen by one sensor, such as ``Roundabout01_Avia``: a map of one sensor can
-be asked with scans of another. All scans are x forward, y left, z up.
+A session is a sequence of one sensor, e.g. ``Roundabout01_Avia``, so that scans of one sensor can
+be located in a map of another. All scans are x forward, y left, z up.
 """
 
 from functools import partial
@@ -23,16 +23,16 @@ from deepring.data.scans.listing import list_scans
 from deepring.data.scans.records import file_problem, read_records, valid_points
 from deepring.data.session import Points, Session
 
-#: Scans of the Aeva up to this stamp (ns) lack the last field of a record, its intensity.
+#: Scans of the Aeva up to this stamp (ns) have no intensity, the last field of a record.
 AEVA_WITHOUT_INTENSITY = 1691936557946849179
 
 
 def read_helipr_scan(path: Path | str, sensor: str) -> Points:
     """Read one ``LiDAR/<sensor>/<ns>.bin``: (m, 3) float32 metres in the sensor's frame.
 
-    Missing returns, written as (0, 0, 0), and points with NaN or infinity are dropped. Which of
-    the Aeva's two records a file has is told by its stamp, and by its size where its name is no
-    stamp. Raises BrokenScanError.
+    Drops missing returns, stored as (0, 0, 0), and points with NaN or infinity. The Aeva has two
+    record types; the file's stamp determines which one, or its size if its name is not a stamp.
+    Raises BrokenScanError.
     """
     return valid_points(read_records(path, _record_of(Path(path), sensor))["xyz"], path)
 
@@ -47,7 +47,7 @@ def _record_of(path: Path, sensor: str) -> np.dtype:
 
 
 def _sensor(name: str, ground_z: float, *records: str) -> BinaryScans:
-    """A sensor, with the types of a record's fields behind x, y and z, which nobody reads."""
+    """A sensor, from the types of the unused fields that follow x, y, z in its records."""
     types = [
         np.dtype([("xyz", "<f4", (3,)), *((f"field{k}", f"<{t}") for k, t in enumerate(r.split()))])
         for r in records
@@ -55,8 +55,8 @@ def _sensor(name: str, ground_z: float, *records: str) -> BinaryScans:
     return BinaryScans(partial(read_helipr_scan, sensor=name), tuple(types), ground_z)
 
 
-#: The four sensors: records without padding, little-endian; and z of the ground (metres), which is
-#: measured in published scans of the Avia, and for the others follows by the published extrinsics.
+#: The four sensors, with little-endian records without padding, and z of the ground (metres): as
+#: measured in published scans of the Avia, and for the others from the published extrinsics.
 SENSORS = {
     # reflectivity, tag and line, time offset
     "Avia": _sensor("Avia", -1.67, "u1 u1 u1 u4"),
@@ -74,9 +74,9 @@ def open_helipr(root: Path | str, name: str, pose_tolerance: float = 0.1) -> Ses
 
     Poses are world <- sensor, world = UTM (x east, y north, z up), of the sensor's own
     ``global_<sensor>_gt.txt``, so no extrinsic is applied; ``ground_truth`` is their (easting,
-    northing). ``<sensor>_gt.txt`` begins at zero in each sequence and is not used. Poses come at
-    10 Hz, hence ``pose_tolerance`` (s): see ``Trajectory.interpolate``. Raises LayoutError for a
-    folder of another layout, and DataError where no scan can be used.
+    northing). ``<sensor>_gt.txt`` begins at zero in each sequence and is not used. Poses have a
+    rate of 10 Hz; for ``pose_tolerance`` (s) see `Trajectory.interpolate`. Raises LayoutError for
+    a folder of another layout, and DataError if no scan is usable.
     """
     checked_tolerance(pose_tolerance)
     base = existing_root(root)
@@ -105,14 +105,14 @@ def open_helipr(root: Path | str, name: str, pose_tolerance: float = 0.1) -> Ses
 
 
 def read_poses(path: Path) -> Trajectory:
-    """Read ``global_<sensor>_gt.txt``: stamp (ns), x, y, z (m), qx, qy, qz, qw; by blanks."""
-    expected = "a stamp, a whole number of nanoseconds, and x y z qx qy qz qw, separated by blanks"
-    rows = read_table(path, stamped_rows(7), None, expected)
+    """Read ``global_<sensor>_gt.txt``: stamp (ns), x, y, z (m), qx, qy, qz, qw."""
+    row = "a stamp, a whole number of nanoseconds, and x y z qx qy qz qw, separated by blanks"
+    rows = read_table(path, stamped_rows(7), None, row)
     return Trajectory(rows["stamp"], poses_from_quaternions(rows["values"]), path)
 
 
 def list_helipr(root: Path | str) -> list[str]:
-    """The sequences in ``root``, or that ``root`` is, by each of their sensors; sorted."""
+    """Sorted names of the sessions in ``root``, a folder of sequences or one sequence."""
     base = existing_root(root)
     folders = [base] if (base / "LiDAR").is_dir() else list(base.iterdir())
     return sorted(
@@ -133,7 +133,7 @@ READER = Reader(
     open=open_helipr,
     sessions=list_helipr,
     signatures=("LiDAR_GT", "Avia", "Aeva"),
-    resembles=("mulran",),  # which has a folder Ouster, too
+    resembles=("mulran",),  # both have a folder Ouster
     scan_folders=tuple(SENSORS),
     scans={f"helipr_{name.lower()}": sensor for name, sensor in SENSORS.items()},
 )

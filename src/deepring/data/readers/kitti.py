@@ -1,6 +1,6 @@
-"""KITTI odometry (Karlsruhe Institute of Technology) and everything written in its layout.
+"""KITTI odometry (Karlsruhe Institute of Technology) and other data in its layout.
 
-The layout suits a user's own data too: Semantic-KITTI has it, and many mapping tools write it.
+Semantic-KITTI has the same layout, and many mapping tools write it.
 """
 
 from pathlib import Path
@@ -30,35 +30,35 @@ _TEST_SEQUENCES = {str(number) for number in range(11, 22)}
 def read_kitti_scan(path: Path | str) -> Points:
     """Read one ``velodyne/<frame>.bin``: (m, 3) float32 metres, x forward, y left, z up.
 
-    Records are float32 x, y, z, reflectance, little-endian. Points that are NaN, infinite or
-    exactly (0, 0, 0) are dropped. Raises BrokenScanError.
+    Records are float32 x, y, z, reflectance, little-endian. Drops points that are NaN, infinite
+    or exactly (0, 0, 0). Raises BrokenScanError.
     """
     return valid_points(read_records(path, XYZI)["xyz"], path)
 
 
 def open_kitti(root: Path | str, sequence: str | None = None) -> Session:
-    """Open one ``sequence`` ("00") below ``root``, or ``root`` itself where it is one drive.
+    """Open one ``sequence`` ("00") below ``root``, or ``root`` itself if it is a single drive.
 
     The number in a scan's name is its row in ``poses.txt`` (and ``times.txt``), from 0. Rows there
     are P, the pose of cam0 in the world; with Tr (LiDAR -> cam0) of ``calib.txt`` the LiDAR's pose
-    is Tr^-1 P Tr, in the frame of the first LiDAR scan. With Tr the identity, poses are taken as
-    they stand. ``ground_truth`` is their (x, y); ``stamps`` are None without ``times.txt``. Scans
-    without a row, or whose row is no rigid pose, are left out and counted. Raises LayoutError
-    for a folder of another layout, and DataError where no scan can be used.
+    is Tr^-1 P Tr, in the frame of the first LiDAR scan. With the identity as Tr, rows are poses of
+    the LiDAR. ``ground_truth`` is their (x, y); ``stamps`` are None without ``times.txt``. Scans
+    without a row, or whose row is not a rigid pose, are skipped and counted. Raises LayoutError
+    for a folder of another layout, and DataError if no scan is usable.
     """
     base = existing_root(root)
     drive = _find_drive(base, sequence)
     listing = list_scans(drive / "velodyne", XYZI)
     rows = _read_poses(base, drive)
     rigid = rigid_rows(rows)
-    used = _scans_with_pose(listing, rigid, drive)
-    frames = listing.numbers[used]
+    indices = _scans_with_pose(listing, rigid, drive)
+    frames = listing.numbers[indices]
     to_camera = read_calibration(drive / "calib.txt")
     poses = np.linalg.inv(to_camera) @ rows[frames] @ to_camera
     times = _read_times(drive / "times.txt", len(rows))
     return Session(
         name=drive.name,
-        files=tuple(listing.files[i] for i in used),
+        files=tuple(listing.files[i] for i in indices),
         poses=poses,
         ground_truth=poses[:, :2, 3].copy(),
         stamps=None if times is None else times[frames],
@@ -66,7 +66,7 @@ def open_kitti(root: Path | str, sequence: str | None = None) -> Session:
         decoding="kitti",
         skipped=SkippedScans(
             broken=listing.broken,
-            without_pose=len(listing.files) - len(used),
+            without_pose=len(listing.files) - len(indices),
             bad_poses=int(np.sum(~rigid)),
         ),
     )
@@ -75,14 +75,14 @@ def open_kitti(root: Path | str, sequence: str | None = None) -> Session:
 def read_calibration(path: Path) -> NDArray[np.float64]:
     """Read Tr, LiDAR -> cam0, from ``calib.txt``: (4, 4) float64.
 
-    That is the line ``Tr:`` with 12 numbers, among KITTI's P0 to P3, or a lone line of 12 numbers.
-    Raises FileError for any other file.
+    The file has a line ``Tr:`` with 12 numbers besides KITTI's P0 to P3, or only one line of 12
+    numbers. Raises FileError for any other file.
     """
     advice = "For poses that are the LiDAR's own, write: Tr: 1 0 0 0 0 1 0 0 0 0 1 0"
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "no text"
+        reason = error.strerror if isinstance(error, OSError) else "not text"
         raise FileError(
             f"{path}: cannot be read ({reason}); expected Tr, LiDAR to camera. {advice}"
         ) from error
@@ -95,14 +95,14 @@ def read_calibration(path: Path) -> NDArray[np.float64]:
     except (IndexError, ValueError) as error:
         raise FileError(f"{path}: expected a line 'Tr:' with 12 numbers. {advice}") from error
     if not rigid_rows(transform)[0]:
-        raise FileError(f"{path}: Tr is {texts[0].strip()}; expected a rotation and a shift")
+        raise FileError(f"{path}: Tr is {texts[0].strip()}, expected a rotation and a translation")
     return np.asarray(transform[0], dtype=np.float64)
 
 
 def list_kitti(root: Path | str) -> list[str]:
-    """Names of the sequences in ``root``, sorted; the folder's own name where it is one drive.
+    """Sorted names of the sequences in ``root``, or its own name if it is a single drive.
 
-    KITTI's test sequences 11 to 21 are named only where there are poses for them.
+    KITTI's test sequences 11 to 21 are included only if they have poses.
     """
     base = existing_root(root)
     if (base / "velodyne").is_dir():
@@ -126,14 +126,14 @@ def _parents(root: Path) -> tuple[Path, ...]:
 def _find_drive(root: Path, sequence: str | None) -> Path:
     candidates = [root] if sequence in (None, root.name) else []
     if sequence is not None:
-        names = (sequence, sequence.zfill(2))  # "0" is how "00" comes out of some parsers
+        names = (sequence, sequence.zfill(2))  # some parsers turn "00" into "0"
         candidates += [parent / name for parent in _parents(root) for name in names]
     for drive in candidates:
         if (drive / "velodyne").is_dir():
             return drive
-    wanted = "no velodyne/ folder" if sequence is None else f"no scans of session {sequence!r}"
-    there = ", ".join(list_kitti(root))
-    raise LayoutError(wanted + (f", but of {there}: name one" if there else ""), root)
+    problem = "no velodyne/ folder" if sequence is None else f"no scans of session {sequence!r}"
+    sequences = ", ".join(list_kitti(root))
+    raise LayoutError(problem + (f", expected one of {sequences}" if sequences else ""), root)
 
 
 def _pose_file(root: Path, drive: Path) -> Path | None:
@@ -147,8 +147,8 @@ def _read_poses(root: Path, drive: Path) -> NDArray[np.float64]:
     if path is None:
         problem = f"no poses.txt and no poses/NN.txt for the scans of {drive}, so no ground truth"
         raise LayoutError(problem, root)
-    expected = "12 numbers, separated by blanks: a 3x4 pose, row by row"
-    return poses_from_rows(read_table(path, _POSE_ROW, None, expected)["values"])
+    row = "12 numbers, separated by blanks: a 3x4 pose, row by row"
+    return poses_from_rows(read_table(path, _POSE_ROW, None, row)["values"])
 
 
 def _scans_with_pose(listing: Listing, rigid: NDArray[np.bool_], drive: Path) -> NDArray[np.intp]:
@@ -156,27 +156,27 @@ def _scans_with_pose(listing: Listing, rigid: NDArray[np.bool_], drive: Path) ->
     numbers, rows = listing.numbers, len(rigid)
     in_range = numbers < rows
     if len(numbers) + len(listing.broken) == rows and not in_range.all():
-        # As many scans as poses, numbered otherwise: rows would go to the wrong scans in silence.
+        # As many scans as poses, but with other numbers: scans would silently get wrong poses.
         raise DataError(
             f"{drive}/velodyne: {rows} scans for {rows} poses, but numbered up to {numbers[-1]}; "
             f"expected names from 000000.bin to {rows - 1:06d}.bin. Rename them by their rows"
         )
-    used = np.flatnonzero(in_range & rigid[np.minimum(numbers, rows - 1)])
-    if not len(used):
+    indices = np.flatnonzero(in_range & rigid[np.minimum(numbers, rows - 1)])
+    if not len(indices):
         raise DataError(
             f"{drive}/velodyne: no scan with a pose: scans are numbered {numbers[0]} to "
             f"{numbers[-1]}, and the pose file has {rows} rows ({int(rigid.sum())} of them usable)."
             " The number in a scan's name is its row, from 0"
         )
-    return used
+    return indices
 
 
 def _read_times(path: Path, rows: int) -> NDArray[np.int64] | None:
-    """Stamps (n,) in nanoseconds from ``times.txt`` in seconds; None where there is none."""
+    """Stamps (n,) in nanoseconds from ``times.txt`` in seconds, or None without that file."""
     if not path.is_file():
         return None
     seconds = read_table(path, _TIME_ROW, None, "one number, a time in seconds")["seconds"]
-    if len(seconds) != rows or not (np.abs(seconds) < 9e9).all():  # also refuses NaN
+    if len(seconds) != rows or not (np.abs(seconds) < 9e9).all():  # also rejects NaN
         raise DataError(
             f"{path}: {len(seconds)} rows for {rows} poses; expected a time in seconds for each. "
             "Fetch the file again, or remove it: time stamps are optional"

@@ -33,9 +33,9 @@ T_BASE_LIDAR = pose_from(
 def read_mulran_scan(path: Path | str) -> Points:
     """Read one ``Ouster/<ns>.bin``: (m, 3) float32 metres in the LiDAR frame, z up.
 
-    Records are float32 x, y, z, intensity, little-endian. Missing returns, written as (0, 0, 0),
-    and points with NaN or infinity are dropped; a file shorter than 64 x 1024 records is read as
-    far as it goes. Raises BrokenScanError.
+    Records are float32 x, y, z, intensity, little-endian. Drops missing returns, stored as
+    (0, 0, 0), and points with NaN or infinity; files may have fewer than 64 x 1024 records.
+    Raises BrokenScanError.
     """
     return valid_points(read_records(path, XYZI)["xyz"], path)
 
@@ -43,15 +43,15 @@ def read_mulran_scan(path: Path | str) -> Points:
 def open_mulran(
     root: Path | str, sequence: str, pose_tolerance: float = 0.05, extrinsic: Extrinsic = "tf"
 ) -> Session:
-    """Open one ``sequence`` ("Sejong01"); ``root`` may hold many, or be that sequence.
+    """Open one ``sequence`` ("Sejong01"); ``root`` contains sequences, or is that sequence.
 
     Points stay in the LiDAR frame, so poses are world <- LiDAR, world = UTM 52N (x east, y north,
-    z up); ``ground_truth`` is their (easting, northing). All float64: float32 is off by decimetres
-    at 4 million metres. ``global_pose.csv`` has the base frame; ``extrinsic`` says how it becomes
-    the LiDAR's: "tf" T_world_base T_base_lidar, as MulRan's published tf states; "inverse"
-    T_world_base T_base_lidar^-1 and "none" T_world_base, as other public code has it.
-    ``pose_tolerance`` (s): see ``Trajectory.interpolate``. Raises LayoutError for a folder of
-    another layout, and DataError where no scan can be used.
+    z up); ``ground_truth`` is their (easting, northing). All are float64: float32 has errors of
+    decimetres at 4 million metres. ``global_pose.csv`` has poses of the base; ``extrinsic`` selects
+    the pose of the LiDAR: "tf" T_world_base T_base_lidar, by MulRan's published tf; "inverse"
+    T_world_base T_base_lidar^-1 and "none" T_world_base, as in other public code. For
+    ``pose_tolerance`` (s) see `Trajectory.interpolate`. Raises LayoutError for a folder of another
+    layout, and DataError if no scan is usable.
     """
     one_of("extrinsic", extrinsic, Extrinsic)
     checked_tolerance(pose_tolerance)
@@ -74,13 +74,13 @@ def open_mulran(
 
 def read_global_pose(path: Path) -> Trajectory:
     """Read ``global_pose.csv``: stamp (ns), then T_world_base as 12 numbers, row-major 3x4."""
-    expected = "a stamp, a whole number of nanoseconds, and 12 numbers, comma-separated"
-    rows = read_table(path, stamped_rows(12), ",", expected)
+    row = "a stamp, a whole number of nanoseconds, and 12 numbers, comma-separated"
+    rows = read_table(path, stamped_rows(12), ",", row)
     return Trajectory(rows["stamp"], poses_from_rows(rows["values"]), path)
 
 
 def list_mulran(root: Path | str) -> list[str]:
-    """Names of the sequences with an ``Ouster`` folder in ``root``, sorted."""
+    """Sorted names of the sequences with an ``Ouster`` folder in ``root``."""
     base = existing_root(root)
     if _scan_folder(base) is not None:
         return [base.name]
@@ -117,6 +117,6 @@ READER = Reader(
     sessions=list_mulran,
     signatures=("global_pose.csv", "Ouster"),
     scan_folders=("Ouster",),
-    # The LiDAR stands 1.80 m above the base, which is close to the ground.
+    # The LiDAR is 1.80 m above the base, which is close to the ground.
     scans={"mulran": BinaryScans(read_mulran_scan, (XYZI,), ground_z=-1.8)},
 )

@@ -1,7 +1,7 @@
 """NCLT (North Campus Long-Term dataset, University of Michigan): its scans and sessions.
 
-The vehicle's body frame is x forward, y right, z down; everything returned here is x forward,
-y left, z up. That takes a change of sign of both y and z: of z alone would be a left-handed frame.
+The vehicle's body frame is x forward, y right, z down; this module returns x forward, y left, z up.
+Both y and z change sign, since a change of z alone would give a left-handed frame.
 """
 
 from pathlib import Path
@@ -36,8 +36,8 @@ def read_nclt_scan(path: Path | str) -> Points:
 
     Records of 8 bytes, little-endian: uint16 x, y, z; uint8 intensity; uint8 laser id; metres =
     value * 0.005 - 100 (NCLT's own documentation), so all coordinates lie in -100 m..227.7 m. The
-    points are in the body frame: the Velodyne's lever arm is already applied. No point is
-    dropped. Raises BrokenScanError.
+    points are in the body frame, with the Velodyne's lever arm applied. No points are dropped.
+    Raises BrokenScanError.
     """
     hits = read_records(path, HIT)
     points: Points = ((hits["xyz"] * 0.005 - 100.0) @ NED_TO_UP).astype(np.float32)
@@ -45,12 +45,12 @@ def read_nclt_scan(path: Path | str) -> Points:
 
 
 def open_nclt(root: Path | str, date: str, pose_tolerance: float = 0.05) -> Session:
-    """Open the drive of one ``date`` ("2012-02-04"); ``root`` may hold many, or be that drive.
+    """Open the drive of one ``date`` ("2012-02-04"); ``root`` contains drives, or is that drive.
 
     Poses are world <- body at the scans' stamps, world x north, y west, z up; ``ground_truth``
-    is (north, east) as the file has it, float64. ``pose_tolerance`` (s): see
-    ``Trajectory.interpolate``. Raises LayoutError for a folder of another layout, and
-    DataError where no scan can be used.
+    is (north, east) from the file, float64. For ``pose_tolerance`` (s) see
+    `Trajectory.interpolate`. Raises LayoutError for a folder of another layout, and DataError if
+    no scan is usable.
     """
     checked_tolerance(pose_tolerance)
     base = existing_root(root)
@@ -73,22 +73,22 @@ def open_nclt(root: Path | str, date: str, pose_tolerance: float = 0.05) -> Sess
 def read_ground_truth(path: Path) -> Trajectory:
     """Read ``groundtruth_<date>.csv``: poses world <- body, both still with z down.
 
-    Rows are utime (us), x north, y east, z down (m), roll, pitch, yaw (rad), and there is no
-    header: taking the first row for one would lose a pose. NaN rows occur at the start.
+    Rows are utime (us), x north, y east, z down (m), roll, pitch, yaw (rad), without a header. The
+    first rows may be NaN.
     """
-    expected = "utime, x, y, z, roll, pitch, yaw, with utime a whole number of microseconds"
-    rows = read_table(path, stamped_rows(6), ",", expected)
+    row = "utime, x, y, z, roll, pitch, yaw, with utime a whole number of microseconds"
+    rows = read_table(path, stamped_rows(6), ",", row)
     stamps, values = rows["stamp"], rows["values"]
     if (np.abs(stamps) > np.iinfo(np.int64).max // MICROSECOND).any():
         raise DataError(f"{path}: first column up to {stamps.max()}; expected microseconds")
-    # Infinite angles have no sine: they become NaN here, and the row is dropped with the others.
+    # Infinite angles have no sine; they become NaN, and the row is dropped like other NaN rows.
     angles = np.where(np.isfinite(values[:, 3:]), values[:, 3:], np.nan)
     poses = pose_from(rotation_from_rpy(*angles.T), values[:, :3])
     return Trajectory(stamps * MICROSECOND, poses, path)
 
 
 def list_nclt(root: Path | str) -> list[str]:
-    """Dates of the drives with a ``velodyne_sync`` folder in ``root``, sorted."""
+    """Sorted dates of the drives with a ``velodyne_sync`` folder in ``root``."""
     base = existing_root(root)
     if _scan_folders(base) is not None:
         return [base.name]
@@ -120,7 +120,7 @@ def _find_ground_truth(root: Path, date: str) -> Path:
     folders = [folder for drive in drives for folder in (drive / "ground_truth", drive)]
     truth = first_file(folder / f"groundtruth_{date}.csv" for folder in folders)
     if truth is None:
-        raise LayoutError(f"no groundtruth_{date}.csv for it", root)
+        raise LayoutError(f"no groundtruth_{date}.csv", root)
     return truth
 
 
@@ -138,6 +138,6 @@ READER = Reader(
     sessions=list_nclt,
     signatures=("velodyne_sync", "velodyne_hits.bin", "groundtruth_*.csv"),
     scan_folders=("velodyne_sync",),
-    # The body's origin lies close above the ground.
+    # The body's origin is close above the ground.
     scans={"nclt": BinaryScans(read_nclt_scan, (HIT,), ground_z=0.0)},
 )

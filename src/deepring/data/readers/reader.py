@@ -1,4 +1,4 @@
-"""The description of a reader of one dataset layout, and helpers to find its folders."""
+"""The base of readers: a dataset layout, and helpers to find folders."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -12,54 +12,54 @@ from deepring.errors import DataError
 
 
 class BinaryScans(NamedTuple):
-    """One kind of .bin files: how to read them, which the files themselves do not say."""
+    """A format of .bin files, which the files themselves do not name."""
 
     read: Callable[[Path | str], Points]
     """Decodes one file; raises BrokenScanError."""
     records: tuple[np.dtype, ...]
-    """The types of a point record; a file is a whole number of records of one of them."""
+    """Types of point records; a file consists of records of one of them."""
     ground_z: float
     """z of the ground under the sensor in the scan's frame, metres, on the usual platform."""
 
 
 @dataclass(frozen=True)
 class Reader:
-    """One dataset layout: everything that names it or depends on it.
+    """One dataset layout.
 
-    Each layout's module in this package ends in ``READER = Reader(...)``, named as the module;
-    see `deepring.data.readers.register_reader` for one from outside.
+    Each layout's module in this package ends in ``READER = Reader(...)`` with the module's name;
+    see `deepring.data.readers.register_reader` for layouts of other packages.
     """
 
     name: str
-    """The name of the layout: ``format`` of `open_session` and of a data config."""
+    """Name of the layout, ``format`` in `open_session` and in a data config."""
     title: str
-    """The layout's name in messages and docs."""
+    """Name of the layout in messages and docs."""
     layouts: tuple[str, ...]
-    """The folder layouts that are accepted, one line each, for messages."""
+    """Accepted folder layouts, one line each, for messages."""
     open: Callable[..., Session]
     """open(root, name, **options) -> the session of that name."""
     sessions: Callable[[Path | str], list[str]]
-    """sessions(root) -> the sessions' names in order; empty where there is none."""
+    """sessions(root) -> the names of the sessions in order, possibly none."""
     signatures: tuple[str, ...] = ()
-    """Patterns of file and folder names that give the layout away; see `detect_format`."""
+    """Patterns of file and folder names that identify the layout; see `detect_format`."""
     resembles: tuple[str, ...] = ()
-    """Layouts whose signatures occur in this one too; this one is meant where both are met."""
+    """Layouts whose signatures occur in this one too; this one wins if both match."""
     scan_folders: tuple[str, ...] = ()
-    """Names of folders with tens of thousands of scans, which no search descends into."""
+    """Names of folders with very many scans, which `detect_format` does not search."""
     file_endings: tuple[str, ...] = ()
-    """Endings of the files that stand for a dataset in place of a folder."""
+    """Endings of files that describe a dataset, instead of a folder."""
     scans: Mapping[str, BinaryScans] = field(default_factory=dict)
-    """The kinds of .bin files of this layout, by the names that users give them."""
+    """Formats of .bin files of this layout, by name."""
 
     @property
     def ground_z(self) -> float | None:
-        """z of the ground in the scans' frame, metres; None where each session says it itself."""
+        """z of the ground in the scans' frame, metres; None if it depends on the session."""
         heights = {scans.ground_z for scans in self.scans.values()}
         return heights.pop() if len(heights) == 1 else None
 
 
 class LayoutError(DataError):
-    """A folder that lacks what a reader needs; `open_session` adds which layouts are accepted."""
+    """A folder without the files of a layout; `open_session` adds the accepted layouts."""
 
     def __init__(self, problem: str, root: Path | str) -> None:
         super().__init__(f"{problem} (looked in {root})")
@@ -67,13 +67,13 @@ class LayoutError(DataError):
 
 
 def existing_root(root: Path | str) -> Path:
-    """``root`` as an absolute path. Raises DataError where it is no folder."""
+    """``root`` as an absolute path. Raises DataError if it is not a folder."""
     folder = Path(root).expanduser().absolute()
     if ".." in folder.parts:
         folder = folder.resolve()
     if not folder.is_dir():
         state = "is a file" if folder.exists() else "does not exist"
-        raise DataError(f"root: {folder} {state}; expected the folder that holds the dataset")
+        raise DataError(f"root: {folder} {state}; expected the folder of the dataset")
     return folder
 
 

@@ -1,1 +1,1 @@
-"""Scan files: listing a folder, decoding records, point clouds and bags."""
+"""Scan files: lists folders, and decodes records, point clouds and bags."""

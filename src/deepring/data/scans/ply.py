@@ -1,9 +1,9 @@
-"""Point clouds in PLY files: the x, y, z of the element ``vertex``, ascii or binary.
+"""Point clouds in PLY files: x, y, z of the element ``vertex``, ascii or binary.
 
-A PLY file is a header of elements (name, number of rows, properties) and then their rows, one
-element after the other. A property is a number, or a list: a count and as many numbers. So rows
-with lists differ in length, and what lies behind them is found by walking over them. An ascii body
-is read as if it were a binary one of float64 values, counts included.
+A PLY file is a header of elements (name, number of rows, properties) followed by the rows of each
+element. A property is a number, or a list: a count and that many numbers. Rows with lists may thus
+differ in length, and have to be read one by one. An ascii body is converted to a binary one of
+float64 values, counts included.
 """
 
 from dataclasses import dataclass, field
@@ -23,13 +23,13 @@ _TYPES = {
 }
 _ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
 _END = b"\nend_header"
-_LONGEST_HEADER = 1 << 20  # bytes; there is no end in a file of another kind
+_LONGEST_HEADER = 1 << 20  # bytes, to stop in files of other types
 
 
 class _Property(NamedTuple):
     name: str
-    value: str  # NumPy's type of the number, or of a list's items
-    length: str | None  # NumPy's type of a list's count; None for a number
+    value: str  # NumPy type of the number, or of a list's items
+    length: str | None  # NumPy type of a list's count; None for a number
 
 
 @dataclass
@@ -43,12 +43,12 @@ class _Element:
 
 
 def read_ply(path: Path | str) -> Points:
-    """The vertices (n, 3) float32 of a PLY file, in the file's order and with all their repeats.
+    """The vertices (n, 3) float32 of a PLY file, in the file's order, with repetitions.
 
-    x, y and z may be of any numeric type; other properties and elements are skipped. Vertices that
-    no face uses are vertices all the same.
+    x, y and z may be of any numeric type; other properties and elements are skipped. Vertices
+    without a face are included.
 
-    Raises BrokenScanError for a file that is no PLY file, has no x, y and z, or holds fewer or
+    Raises BrokenScanError for another type of file, one without x, y and z, or one with fewer or
     more rows than its header says.
     """
     try:
@@ -58,7 +58,7 @@ def read_ply(path: Path | str) -> Points:
     try:
         return _vertices(content)
     except _PlyError as error:
-        raise BrokenScanError(f"scan {path}: {error}; expected a whole PLY file") from None
+        raise BrokenScanError(f"scan {path}: {error}; expected a complete PLY file") from None
 
 
 class _PlyError(Exception):
@@ -73,8 +73,8 @@ def _vertices(content: bytes) -> Points:
         if element.name == "vertex":
             points = _coordinates(element, rows)
     if at < len(body):
-        listed = ", ".join(map(str, elements))
-        raise _PlyError(f"more data than its header says ({listed}): {len(body) - at} bytes behind")
+        names = ", ".join(map(str, elements))
+        raise _PlyError(f"{len(body) - at} bytes more than its header says ({names})")
     if points is None:
         raise _PlyError("no element vertex in its header")
     return points
@@ -125,23 +125,23 @@ def _numbers(text: bytes) -> bytes:
     try:
         return np.array(text.split(), dtype="<f8").tobytes()
     except ValueError as error:
-        raise _PlyError("an ascii body that holds other than numbers") from error
+        raise _PlyError("an ascii body with values other than numbers") from error
 
 
 def _rows(element: _Element, body: bytes, at: int, order: str) -> tuple[list[NDArray[Any]], int]:
-    """The rows of an element that begins ``at`` a byte, in one array or several, and its end."""
+    """The rows of an element that begins at byte ``at``, in one or more arrays, and its end."""
     if not element.rows or not element.properties:
         return [], at
     kind = _row_type(element, body, at, order)
     end = at + element.rows * kind.itemsize
     counts = [name for name in kind.names or () if name.startswith("#")]
     if end <= len(body):
-        alike = np.frombuffer(body, kind, element.rows, at)
-        if all((alike[name] == alike[name][0]).all() for name in counts):
-            return [alike], end
+        array = np.frombuffer(body, kind, element.rows, at)
+        if all((array[name] == array[name][0]).all() for name in counts):
+            return [array], end
     elif not counts:
-        rows_there = (len(body) - at) // kind.itemsize
-        raise _PlyError(f"ends within {element} of its header, after {rows_there} rows")
+        row = (len(body) - at) // kind.itemsize
+        raise _PlyError(f"ends within {element} of its header, after {row} rows")
     rows: list[NDArray[Any]] = []  # lists of several lengths
     for row in range(element.rows):
         kind = _row_type(element, body, at, order)
@@ -153,7 +153,7 @@ def _rows(element: _Element, body: bytes, at: int, order: str) -> tuple[list[NDA
 
 
 def _row_type(element: _Element, body: bytes, at: int, order: str) -> np.dtype:
-    """The type of the row ``at`` a byte; its lists are as long as that row says."""
+    """The type of the row at byte ``at``, with the lengths of its lists."""
     fields: list[tuple[Any, ...]] = []
     size = 0
     for k, (_, value, count) in enumerate(element.properties):
@@ -178,8 +178,8 @@ def _row_type(element: _Element, body: bytes, at: int, order: str) -> np.dtype:
 def _coordinates(element: _Element, rows: list[NDArray[Any]]) -> Points:
     numbers = {p.name: str(k) for k, p in enumerate(element.properties) if p.length is None}
     if not {"x", "y", "z"} <= set(numbers):
-        there = ", ".join(p.name for p in element.properties)
-        raise _PlyError(f"{element} of its header has {there or 'no properties'}, not x, y and z")
+        names = ", ".join(p.name for p in element.properties)
+        raise _PlyError(f"{element} of its header has {names or 'no properties'}, not x, y and z")
     if not rows:
         return np.empty((0, 3), dtype=np.float32)
     with np.errstate(over="ignore", invalid="ignore"):  # beyond float32 becomes infinite

@@ -1,4 +1,4 @@
-"""Points of ROS messages of type sensor_msgs/PointCloud2, as ROS 1 and ROS 2 have them."""
+"""Points of ROS 1 and ROS 2 messages of type sensor_msgs/PointCloud2."""
 
 from typing import Any
 
@@ -7,28 +7,28 @@ import numpy as np
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError
 
-#: NumPy's types for PointField.datatype: those that coordinates may have.
+#: NumPy types of the values of PointField.datatype that coordinates may have.
 _FLOATS = {7: "f4", 8: "f8"}
 
 
 def cloud_points(message: Any) -> Points:
     """Points (n, 3) float32, row by row, in the unit of the message: metres by ROS's convention.
 
-    Points with coordinates that are NaN or infinite, as organised clouds have them for beams
-    without a return, are dropped.
+    Drops points with NaN or infinite coordinates, which mark beams without a return in organised
+    clouds.
 
     Args:
-        message: has the fields of sensor_msgs/PointCloud2, ``data`` as uint8.
+        message: an object with the fields of sensor_msgs/PointCloud2, ``data`` as uint8.
 
     Raises:
-        BrokenScanError: no x, y and z of a floating point type, or fewer bytes than it says.
+        BrokenScanError: no x, y and z of a floating-point type, or too few bytes.
     """
     layout = _layout(message)
     rows, columns = int(message.height), int(message.width)
     if not rows * columns:
         return np.empty((0, 3), dtype=np.float32)
     row = columns * layout.itemsize
-    # Drivers leave row_step 0 where there is but one row.
+    # Some drivers set row_step to 0 for a single row.
     row_step = int(message.row_step) if rows > 1 else row
     data = np.asarray(message.data, dtype=np.uint8)
     if row_step < row or len(data) < (rows - 1) * row_step + row:
@@ -43,12 +43,12 @@ def cloud_points(message: Any) -> Points:
 
 
 def _layout(message: Any) -> np.dtype[np.void]:
-    """The type of a point: x, y and z at their bytes."""
+    """The NumPy type of a point, with x, y and z at their offsets."""
     fields = {field.name: field for field in message.fields}
     if any(name not in fields or fields[name].datatype not in _FLOATS for name in "xyz"):
-        there = ", ".join(f"{name} (type {field.datatype})" for name, field in fields.items())
+        names = ", ".join(f"{name} (type {field.datatype})" for name, field in fields.items())
         raise BrokenScanError(
-            f"PointCloud2: fields {there or 'none'}; expected x, y and z of type 7 (float32) or 8 "
+            f"PointCloud2: fields {names or 'none'}; expected x, y and z of type 7 (float32) or 8 "
             "(float64)"
         )
     order = ">" if message.is_bigendian else "<"

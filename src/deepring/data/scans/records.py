@@ -1,4 +1,4 @@
-"""Scan files that are nothing but point records: read, viewed, and cleaned of missing returns."""
+"""Scan files that consist of point records: reads them, and drops missing returns."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ XYZI = np.dtype([("xyz", "<f4", (3,)), ("intensity", "<f4")])
 
 
 def size_problem(size: int, *records: np.dtype) -> str | None:
-    """Why a file of ``size`` bytes holds no whole records of any of these types, or None."""
+    """The reason why a file of ``size`` bytes cannot consist of such records, or None."""
     sizes = " or ".join(str(record.itemsize) for record in records)
     if size == 0:
         return f"0 bytes, an empty file; expected records of {sizes} bytes each"
@@ -23,17 +23,17 @@ def size_problem(size: int, *records: np.dtype) -> str | None:
 
 
 def file_problem(path: Path, *records: np.dtype) -> str | None:
-    """`size_problem` of a file, by its size alone; or that it cannot be read."""
+    """The reason why a file cannot be read or has an impossible size (`size_problem`), or None."""
     try:
         return size_problem(path.stat().st_size, *records)
-    except OSError as error:  # such as a link to nowhere
+    except OSError as error:  # e.g. a broken link
         return f"cannot be read ({error.strerror})"
 
 
 def read_records(path: Path | str, record: np.dtype) -> NDArray:
     """The (n,) records of one file.
 
-    Raises BrokenScanError where it cannot be read, is empty, or no multiple of a record long.
+    Raises BrokenScanError if the file cannot be read or has an impossible size.
     """
     try:
         data = Path(path).read_bytes()
@@ -53,16 +53,15 @@ def records_from(data: bytes, record: np.dtype, source: Path | str) -> NDArray:
 
 
 def valid_points(xyz: NDArray[np.float32], source: Path | str) -> Points:
-    """The finite points that are no missing return, which is written as (0, 0, 0).
+    """The points (m, 3) float32 of ``xyz`` (n, 3) that are finite and not (0, 0, 0).
 
-    ``xyz`` is (n, 3) in metres; the result is (m, 3), float32. Raises BrokenScanError where
-    no point is left.
+    Raises BrokenScanError if no point is left.
     """
     points = np.asarray(xyz[np.isfinite(xyz).all(axis=1)], dtype=np.float32)
     points = points[points.any(axis=1)]
     if not len(points):
         raise BrokenScanError(
-            f"{source}: {len(xyz)} records, all of them missing returns (0, 0, 0), NaN or "
-            "infinite; expected at least one valid point"
+            f"{source}: {len(xyz)} records, all missing returns (0, 0, 0), NaN or infinite; "
+            "expected at least one valid point"
         )
     return points

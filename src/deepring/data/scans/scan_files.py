@@ -1,4 +1,4 @@
-"""One scan from a file of any kind: .bin, .npy, .pcd, .ply, or the files of a folder."""
+"""Reads one scan from a .bin, .npy, .pcd or .ply file, and lists the scan files of folders."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,13 +16,13 @@ from deepring.errors import BrokenScanError, ConfigError, DeepringError, FileErr
 def read_scan(path: Path | str, binary: str | None = None) -> Points:
     """Points (n, 3) float32, metres, of a .npy, .pcd, .ply or .bin file.
 
-    ``binary`` says what a .bin file holds: one of `binary_formats`. Points without coordinates, as
-    organised clouds have them for beams without a return, are kept as they are.
+    ``binary`` is the format of a .bin file, one of `binary_formats`. Points without coordinates,
+    for beams without a return, are kept.
 
     Raises:
         BrokenScanError: a file that cannot be decoded.
-        FileError: a missing file, one of another kind, or a library that is not there.
-        ConfigError: a .bin file of unknown content.
+        FileError: a missing file, one of another type, or a library that is not installed.
+        ConfigError: a .bin file without its format.
     """
     path = Path(path)
     if not path.is_file():
@@ -31,24 +31,23 @@ def read_scan(path: Path | str, binary: str | None = None) -> Points:
         formats = binary_formats()
         if binary not in formats:
             raise ConfigError(
-                f"scan {path}: a .bin file does not say what is in it; name its format, one of "
+                f"scan {path}: a .bin file does not contain its format; name it, one of "
                 f"{', '.join(formats)}",
                 argument="binary",
             )
         return formats[binary].read(path)
     if path.suffix not in _READERS:
         raise FileError(
-            f"scan {path}: files ending in {path.suffix!r} are not known; expected .bin, "
-            f"{', '.join(_READERS)}"
+            f"scan {path}: unknown ending {path.suffix!r}, expected .bin, {', '.join(_READERS)}"
         )
     try:
         points = np.asarray(_READERS[path.suffix](path))
     except DeepringError:
         raise
-    except Exception as error:  # whatever a library raises for a damaged file
+    except Exception as error:  # libraries raise many types for a damaged file
         raise BrokenScanError(
-            f"scan {path}: cannot be decoded; expected a whole {path.suffix} file, this one is "
-            "damaged, cut short or of another kind"
+            f"scan {path}: cannot be decoded; expected a complete {path.suffix} file, but this one "
+            "is damaged, cut short or of another type"
         ) from error
     if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind not in "fiu":
         raise BrokenScanError(
@@ -60,11 +59,10 @@ def read_scan(path: Path | str, binary: str | None = None) -> Points:
 
 
 def scan_files(paths: Sequence[Path]) -> list[Path]:
-    """The files named, and those of the folders named in the order of their names.
+    """The given files, and the scan files and bags of the given folders, sorted by name.
 
-    Bags are among them; a folder that is one stands for itself.
-
-    Raises FileError for a path that is not there, and for a folder without scans.
+    A folder that is itself a bag counts as a file. Raises FileError for a missing path or a folder
+    without scans.
     """
     endings = {".bin", *_READERS, *BAGS}
     files: list[Path] = []

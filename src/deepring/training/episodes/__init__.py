@@ -1,4 +1,4 @@
-"""Training on episodes, as DeepRING is (paper, Sec. IV): N ways, a few shots, a few queries."""
+"""Training of DeepRING on episodes of N ways, a few shots and queries (paper, Sec. IV)."""
 
 from deepring.training.episodes.episode_losses import EpisodeLoss as EpisodeLoss
 from deepring.training.episodes.episode_losses import OneShotClassifier as OneShotClassifier

@@ -1,8 +1,8 @@
 """Losses of an episode: the paper's cross-entropy, and the triplet and quadruplet losses.
 
-All see an episode in the same way: how alike each query and each way are under the method's own
-similarity. For L2 that is the negative distance, so that a difference of scores is a difference
-of distances and the margins are those of the literature.
+All use the similarity of each query with each way under the method's own measure. For L2 that is
+the negative distance, so that differences of scores are differences of distances and the margins
+are those of the literature.
 """
 
 from abc import ABC, abstractmethod
@@ -17,11 +17,11 @@ from deepring.errors import ConfigError
 from deepring.training.scheme import Mining, Step
 
 Score = Callable[[Tensor, Tensor], Tensor]
-"""How alike descriptors (q, ...) and (d, ...) are, (q, d); higher is more alike."""
+"""Similarity (q, d) of descriptors (q, ...) and (d, ...); higher is more similar."""
 
 
 class EpisodeLoss(nn.Module, ABC):
-    """Base of the losses of an episode."""
+    """Base class of losses of an episode."""
 
     @abstractmethod
     def forward(self, queries: Tensor, support: Tensor, targets: Tensor, score: Score) -> Step:
@@ -29,9 +29,9 @@ class EpisodeLoss(nn.Module, ABC):
 
 
 def class_scores(queries: Tensor, support: Tensor, score: Score) -> Tensor:
-    """How alike each of q queries and each way are, (q, ways), of support (ways, shots, ...).
+    """Scores (q, ways) of queries (q, ...) with support (ways, shots, ...).
 
-    A class of several shots is as alike as its most alike shot, as in retrieval.
+    The score of a way is that of its best shot, as in retrieval.
     """
     ways, shots = support.shape[:2]
     return score(queries, support.flatten(0, 1)).view(len(queries), ways, shots).amax(dim=-1)
@@ -40,9 +40,9 @@ def class_scores(queries: Tensor, support: Tensor, score: Score) -> Tensor:
 class OneShotClassifier(nn.Module):
     """Logits W C + b of the scores C, whose softmax is over the ways (paper, Eq. 9).
 
-    b is kept for the paper's sake: it cancels in the softmax and has no gradient. W is the
-    inverse of a temperature; at the paper's learning rate it hardly moves from its start, so
-    the start is a hyperparameter (100 for descriptors of unit norm).
+    b, as in the paper, cancels in the softmax and has no gradient. W is an inverse temperature; at
+    the paper's learning rate it hardly changes, so that its initial value is a hyperparameter (100
+    for descriptors of unit norm).
     """
 
     def __init__(self, temperature_scale: float = 100.0) -> None:
@@ -56,14 +56,14 @@ class OneShotClassifier(nn.Module):
 
 
 class OneShotCrossEntropy(EpisodeLoss):
-    """Cross-entropy of the one-shot classifier (paper, behind Eq. 9); W starts as given."""
+    """Cross-entropy of the one-shot classifier (paper, after Eq. 9)."""
 
     def __init__(self, temperature_scale: float = 100.0) -> None:
         super().__init__()
         self.classifier = OneShotClassifier(temperature_scale)
 
     def forward(self, queries: Tensor, support: Tensor, targets: Tensor, score: Score) -> Step:
-        """See `EpisodeLoss`; ``parts`` tell the present W."""
+        """See `EpisodeLoss`; ``parts`` has the current ``W``."""
         logits = self.classifier(queries, support, score)
         parts = {"W": self.classifier.weight.detach()}
         return Step(F.cross_entropy(logits, targets), _accuracy(logits, targets), parts)
@@ -72,8 +72,8 @@ class OneShotCrossEntropy(EpisodeLoss):
 class Triplet(EpisodeLoss):
     """[margin + d(query, own way) - d(query, other way)]₊ (paper, Sec. VI-D, "Loss").
 
-    With ``mining='hardest'`` the other way is the one most like the query (the lazy form of
-    PointNetVLAD, mikacuy/pointnetvlad), with 'all' the mean over all ways is taken.
+    With ``mining='hardest'`` the other way is the most similar one (the lazy form of PointNetVLAD,
+    mikacuy/pointnetvlad); 'all' takes the mean over all other ways.
     """
 
     def __init__(self, margin: float = 0.5, mining: Mining = "hardest") -> None:
@@ -87,17 +87,17 @@ class Triplet(EpisodeLoss):
         return Step(self.of_scores(scores, targets), _accuracy(scores, targets), {})
 
     def of_scores(self, scores: Tensor, targets: Tensor) -> Tensor:
-        """Loss, a scalar, of the scores (q, ways) of queries of the ways ``targets`` (q,)."""
-        other = ~F.one_hot(targets, scores.shape[1]).bool()
-        violation = (self.margin + scores - _own(scores, targets)[:, None]).clamp_min(0)
-        return _mined(violation, other, self.mining).mean()
+        """Scalar loss of scores (q, ways) for queries whose ways are ``targets`` (q,)."""
+        negatives = ~F.one_hot(targets, scores.shape[1]).bool()
+        violation = (self.margin + scores - _target_scores(scores, targets)[:, None]).clamp_min(0)
+        return _mine(violation, negatives, self.mining).mean()
 
 
 class Quadruplet(EpisodeLoss):
-    """The triplet loss, and [second_margin + d(query, own way) - d(way, another way)]₊ with it.
+    """The triplet loss plus [second_margin + d(query, own way) - d(way, another way)]₊.
 
     Neither way of the second term is the query's own (mikacuy/pointnetvlad, whose margins are
-    the defaults; DiSCO takes the same).
+    the defaults; DiSCO uses the same).
     """
 
     def __init__(
@@ -113,20 +113,20 @@ class Quadruplet(EpisodeLoss):
         ways, shots = support.shape[:2]
         if ways < 3:
             raise ConfigError(
-                f"sampling.ways: {ways}; the quadruplet loss needs two ways beside the query's "
-                "own, so at least 3"
+                f"sampling.ways: {ways}, expected at least 3 for the quadruplet loss, which "
+                "compares the query with two ways besides its own"
             )
         scores = class_scores(queries, support, score)
         first = self.triplet.of_scores(scores, targets)
-        alike = class_scores(support.flatten(0, 1), support, score)  # (ways * shots, ways)
-        alike = alike.view(ways, shots, ways).amax(dim=1)
-        number = torch.arange(ways, device=alike.device)
-        apart = number[:, None] < number[None, :]
-        foreign = number[None] != targets[:, None]  # (q, ways)
-        pairs = apart & foreign[:, :, None] & foreign[:, None, :]  # (q, ways, ways)
-        own = _own(scores, targets)
-        violation = (self.second_margin + alike - own[:, None, None]).clamp_min(0)
-        second = _mined(violation.flatten(1), pairs.flatten(1), self.mining).mean()
+        similarity = class_scores(support.flatten(0, 1), support, score)  # (ways * shots, ways)
+        similarity = similarity.view(ways, shots, ways).amax(dim=1)
+        number = torch.arange(ways, device=similarity.device)
+        upper = number[:, None] < number[None, :]
+        negatives = number[None] != targets[:, None]  # (q, ways)
+        pairs = upper & negatives[:, :, None] & negatives[:, None, :]  # (q, ways, ways)
+        target_scores = _target_scores(scores, targets)
+        violation = (self.second_margin + similarity - target_scores[:, None, None]).clamp_min(0)
+        second = _mine(violation.flatten(1), pairs.flatten(1), self.mining).mean()
         return Step(first + second, _accuracy(scores, targets), {})
 
 
@@ -134,11 +134,11 @@ def _accuracy(scores: Tensor, targets: Tensor) -> Tensor:
     return (scores.argmax(dim=-1) == targets).float().mean()
 
 
-def _own(scores: Tensor, targets: Tensor) -> Tensor:
+def _target_scores(scores: Tensor, targets: Tensor) -> Tensor:
     return scores.gather(1, targets[:, None]).squeeze(1)
 
 
-def _mined(violation: Tensor, counted: Tensor, mining: Mining) -> Tensor:
-    """(q,) of violations (q, n), none negative, where ``counted``."""
-    values = violation * counted
-    return values.amax(dim=1) if mining == "hardest" else values.sum(dim=1) / counted.sum(dim=1)
+def _mine(violation: Tensor, mask: Tensor, mining: Mining) -> Tensor:
+    """Largest or mean (q,) of the non-negative violations (q, n) in the mask."""
+    values = violation * mask
+    return values.amax(dim=1) if mining == "hardest" else values.sum(dim=1) / mask.sum(dim=1)

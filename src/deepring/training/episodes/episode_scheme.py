@@ -18,7 +18,7 @@ from deepring.training.training_scans import TrainingScans, check_radii, within
 
 
 class Episode(NamedTuple):
-    """Scans of one episode: the shots of all ways, way by way, then the queries of all ways."""
+    """Scans of one episode: the shots of all ways, then the queries of all ways."""
 
     rasters: Tensor
     """(ways * (shots + queries), *raster.shape)."""
@@ -38,8 +38,8 @@ class Episode(NamedTuple):
 class EpisodeScheme(TrainingScheme):
     """Episodes; distances in metres. Defaults are the paper's.
 
-    Scans within ``positive_radius`` of each other are of one place, those beyond
-    ``negative_radius`` of different places.
+    Scans within ``positive_radius`` of each other are at the same place, those beyond
+    ``negative_radius`` at different places.
     """
 
     loss_type = EpisodeLoss
@@ -58,20 +58,20 @@ class EpisodeScheme(TrainingScheme):
         check_radii(self.positive_radius, self.negative_radius)
 
     def training_set(self, scans: TrainingScans, seed: int) -> "EpisodeSet":
-        """Episodes of the scans. Raises DataError where they hold fewer places than ways."""
+        """Episodes of the scans. Raises DataError for fewer places than ways."""
         places = Places(scans.points, self)
-        places.sample(np.random.default_rng([seed, 0]))  # fail here, not in a worker
+        places.sample(np.random.default_rng([seed, 0]))  # fails here rather than in a worker
         return EpisodeSet(places, scans.rasters, seed)
 
     def step(self, method: NetworkMethod, loss: EpisodeLoss, batch: Episode) -> Step:
-        """Compare each query of the episode with its ways, by the method's own similarity."""
+        """Compare each query of the episode with all ways, by the method's similarity."""
         support, query = batch.split(method(batch.rasters))
         targets = torch.arange(batch.ways, device=query.device).repeat_interleave(query.shape[1])
         return loss(query.flatten(0, 1), support, targets, method.score)
 
 
 class EpisodeSet(TrainingSet[Episode]):
-    """Episodes of places drawn at random."""
+    """Episodes of randomly sampled places."""
 
     def __init__(self, places: "Places", rasters: Rasters, seed: int) -> None:
         self.places, self.rasters, self.seed = places, rasters, seed
@@ -81,7 +81,7 @@ class EpisodeSet(TrainingSet[Episode]):
         return self.places.scheme.per_epoch
 
     def __getitem__(self, index: int) -> Episode:
-        """Draw episode ``index``."""
+        """Episode ``index``."""
         scans = self.places.sample(np.random.default_rng([self.seed, index]))
         ways, shots = self.places.scheme.ways, self.places.scheme.shots
         order = np.concatenate([scans[:, :shots].ravel(), scans[:, shots:].ravel()])
@@ -89,13 +89,13 @@ class EpisodeSet(TrainingSet[Episode]):
 
 
 class Places:
-    """Scans on the ground, from which classes are drawn.
+    """Positions of scans, from which classes are sampled.
 
-    All scans of a class lie within ``positive_radius`` of each other, scans of different classes
+    All scans of a class are within ``positive_radius`` of each other, scans of different classes
     beyond ``negative_radius``.
 
     Args:
-        points: (n, 3) float64 metres, as `TrainingScans.points`: datasets lie apart in the third.
+        points: (n, 3) float64 metres, as `TrainingScans.points`.
         scheme: ways, shots, queries and radii of the episodes.
     """
 
@@ -110,50 +110,50 @@ class Places:
     def sample(self, rng: np.random.Generator, tries: int = 20) -> NDArray[np.int64]:
         """Scan indices (ways, shots + queries) of one episode; the shots come first.
 
-        Raises DataError where the scans hold fewer places than ways.
+        Raises DataError for fewer places than ways.
         """
         most = 0
         for _ in range(tries):
-            classes = self._draw_classes(rng)
+            classes = self._sample_classes(rng)
             if len(classes) == self.scheme.ways:
                 return np.stack(classes)
             most = max(most, len(classes))
         s = self.scheme
         raise DataError(
-            f"sampling.ways: {s.ways} classes asked for, but {len(self.points)} scans of the "
-            f"training region hold only {most} places of {self.size} scans within "
+            f"sampling.ways: {s.ways}, but the {len(self.points)} scans of the training region "
+            f"contain only {most} places of {self.size} scans within "
             f"{s.positive_radius:g} m of each other and beyond {s.negative_radius:g} m of the "
             "other places; lower sampling.ways or sampling.queries, enlarge data.regions.train, "
             "or lower data.spacing.train"
         )
 
-    def _draw_classes(self, rng: np.random.Generator) -> list[NDArray[np.int64]]:
+    def _sample_classes(self, rng: np.random.Generator) -> list[NDArray[np.int64]]:
         """Up to ``ways`` classes, anchored at scans in random order."""
         classes: list[NDArray[np.int64]] = []
-        taken = np.zeros(len(self.points), dtype=np.bool_)
+        free = np.ones(len(self.points), dtype=np.bool_)
         for anchor in rng.permutation(self.anchors):
-            if taken[anchor]:
+            if not free[anchor]:
                 continue
-            members = self._draw_members(int(anchor), taken, rng)
+            members = self._sample_members(int(anchor), free, rng)
             if members is None:
                 continue
             classes.append(members)
             for member in members:
-                taken[self.around[member]] = True
+                free[self.around[member]] = False
             if len(classes) == self.scheme.ways:
                 break
         return classes
 
-    def _draw_members(
-        self, anchor: int, taken: NDArray[np.bool_], rng: np.random.Generator
+    def _sample_members(
+        self, anchor: int, free: NDArray[np.bool_], rng: np.random.Generator
     ) -> NDArray[np.int64] | None:
         """Random scans around the anchor, each within ``positive_radius`` of all others."""
-        free = self.near[anchor][~taken[self.near[anchor]]]
-        candidates = rng.permutation(free[free != anchor])
+        near = self.near[anchor][free[self.near[anchor]]]
+        candidates = rng.permutation(near[near != anchor])
         members = [anchor]
         for candidate in candidates:
-            apart = np.linalg.norm(self.points[members] - self.points[candidate], axis=1)
-            if (apart <= self.scheme.positive_radius).all():
+            distances = np.linalg.norm(self.points[members] - self.points[candidate], axis=1)
+            if (distances <= self.scheme.positive_radius).all():
                 members.append(int(candidate))
             if len(members) == self.size:
                 return rng.permutation(np.array(members, dtype=np.int64))

@@ -1,4 +1,4 @@
-"""Training on tuples of a query, its place's scans and others' (PointNetVLAD, DiSCO)."""
+"""Training on tuples of a query, positives and negatives (PointNetVLAD, DiSCO)."""
 
 from deepring.training.tuples.tuple_losses import LazyQuadruplet as LazyQuadruplet
 from deepring.training.tuples.tuple_losses import QuadrupletWithTurn as QuadrupletWithTurn

@@ -1,4 +1,4 @@
-"""Losses of tuples: what PointNetVLAD and DiSCO train with."""
+"""Losses of tuples, for PointNetVLAD and DiSCO."""
 
 from abc import ABC, abstractmethod
 from typing import Literal, NamedTuple
@@ -12,7 +12,7 @@ from deepring.core.phase import phase_curves
 from deepring.training.scheme import Step
 
 CountedPositive = Literal["nearest", "farthest"]
-"""Which of a tuple's positives counts."""
+"""The positive of a tuple that counts."""
 
 
 class TupleDescriptors(NamedTuple):
@@ -21,16 +21,17 @@ class TupleDescriptors(NamedTuple):
     vectors: Tensor
     """(t, k, d), see `NetworkMethod.vectors`."""
     descriptors: Tensor
-    """(t, k, ...), as the network gives them."""
+    """(t, k, ...), the output of the network."""
     positives: int
     """Positives per tuple."""
     turn: Tensor
-    """(t,) int64: sectors by which the query is turned against its positives."""
+    """(t,) int64: turn of the query relative to its positives, sectors."""
 
 
 class TupleLoss(nn.Module, ABC):
-    """Base of the losses of tuples. `Step.accuracy` is the share of queries of which a positive is
-    nearer than all negatives."""
+    """Base class of losses of tuples.
+
+    `Step.accuracy` is the share of queries with a positive nearer than all negatives."""
 
     @abstractmethod
     def forward(self, tuples: TupleDescriptors) -> Step:
@@ -41,7 +42,7 @@ class LazyQuadruplet(TupleLoss):
     """max_n [m₁ + d(q, p) - d(q, n)]₊ + max_n [m₂ + d(q, p) - d(n, n*)]₊ (PointNetVLAD, Eq. 4).
 
     d is the squared Euclidean distance, as in the published code (mikacuy/pointnetvlad), n* the
-    tuple's last negative. PointNetVLAD takes the nearest positive, DiSCO the farthest.
+    tuple's last negative. PointNetVLAD uses the nearest positive, DiSCO the farthest.
     """
 
     def __init__(
@@ -56,25 +57,26 @@ class LazyQuadruplet(TupleLoss):
         self.positive = checks.one_of("loss.positive", positive, CountedPositive)
 
     def forward(self, tuples: TupleDescriptors) -> Step:
-        """See `TupleLoss`; ``parts`` tell the share of tuples whose first term is ``active``."""
+        """See `TupleLoss`; ``parts`` has the share of tuples whose first term is ``active``."""
         vectors, last_positive = tuples.vectors, 1 + tuples.positives
-        query, other = vectors[:, :1], vectors[:, -1:]
-        own = _squared(query, vectors[:, 1:last_positive])  # (t, positives)
+        query, last_negative = vectors[:, :1], vectors[:, -1:]
         negatives = vectors[:, last_positive:-1]
-        wrong = _squared(query, negatives)  # (t, negatives)
-        near = own.amin(dim=1) if self.positive == "nearest" else own.amax(dim=1)
-        first = (self.margin + near[:, None] - wrong).clamp_min(0).amax(dim=1)
-        apart = _squared(other, negatives)
-        second = (self.second_margin + near[:, None] - apart).clamp_min(0).amax(dim=1)
-        accuracy = (own.amin(dim=1) < wrong.amin(dim=1)).float().mean()
+        to_positives = _squared_distance(query, vectors[:, 1:last_positive])  # (t, positives)
+        to_negatives = _squared_distance(query, negatives)  # (t, negatives)
+        nearest = to_positives.amin(dim=1)
+        positive = nearest if self.positive == "nearest" else to_positives.amax(dim=1)
+        first = (self.margin + positive[:, None] - to_negatives).clamp_min(0).amax(dim=1)
+        between = _squared_distance(last_negative, negatives)
+        second = (self.second_margin + positive[:, None] - between).clamp_min(0).amax(dim=1)
+        accuracy = (nearest < to_negatives.amin(dim=1)).float().mean()
         active = (first > 0).float().mean()
         return Step((first + second).mean(), accuracy.detach(), {"active": active.detach()})
 
 
 class TurnCrossEntropy(nn.Module):
-    """Cross-entropy of the query's turn against each positive, by their phase correlation.
+    """Cross-entropy of the turn between query and positives, from their phase correlation.
 
-    The correlation's magnitudes are summed over r, times a learned scale, and softmax over θ
+    Logits over θ are the magnitudes of the correlation, summed over r, times a learned scale
     (DiSCO, Sec. III-D; Corr2Softmax in MaverickPeter/DiSCO-pytorch, which starts at 200).
     """
 
@@ -83,7 +85,7 @@ class TurnCrossEntropy(nn.Module):
         self.scale = nn.Parameter(torch.tensor(float(scale)))
 
     def forward(self, queries: Tensor, positives: Tensor, turn: Tensor) -> Tensor:
-        """Scalar, of maps (t, θ, r), (t, p, θ, r) and turns (t,) in rows, summed as published."""
+        """Scalar sum for maps (t, θ, r) and (t, p, θ, r) and turns (t,) in rows, as published."""
         curves = phase_curves(queries[:, None], positives)  # (t, p, θ, r)
         logits = (self.scale * curves.abs()).sum(dim=-1)
         targets = turn[:, None].expand(logits.shape[:2]).flatten()
@@ -91,7 +93,7 @@ class TurnCrossEntropy(nn.Module):
 
 
 class QuadrupletWithTurn(TupleLoss):
-    """DiSCO's: the lazy quadruplet loss of the signatures, plus the cross-entropy of the turn."""
+    """DiSCO's loss: lazy quadruplet of the signatures, plus cross-entropy of the turn."""
 
     def __init__(
         self, margin: float = 0.5, second_margin: float = 0.2, turn_scale: float = 200.0
@@ -101,13 +103,13 @@ class QuadrupletWithTurn(TupleLoss):
         self.turn = TurnCrossEntropy(turn_scale)
 
     def forward(self, tuples: TupleDescriptors) -> Step:
-        """See `TupleLoss`; the descriptors are feature maps (t, k, θ, r), ``parts`` both terms."""
-        value = self.quadruplet(tuples)
+        """See `TupleLoss`; descriptors are feature maps (t, k, θ, r), ``parts`` has both terms."""
+        step = self.quadruplet(tuples)
         maps = tuples.descriptors
         turn = self.turn(maps[:, 0], maps[:, 1 : 1 + tuples.positives], tuples.turn)
-        parts = {**value.parts, "quadruplet": value.loss.detach(), "turn": turn.detach()}
-        return Step(value.loss + turn, value.accuracy, parts)
+        parts = {**step.parts, "quadruplet": step.loss.detach(), "turn": turn.detach()}
+        return Step(step.loss + turn, step.accuracy, parts)
 
 
-def _squared(a: Tensor, b: Tensor) -> Tensor:
+def _squared_distance(a: Tensor, b: Tensor) -> Tensor:
     return (a - b).square().sum(dim=-1)

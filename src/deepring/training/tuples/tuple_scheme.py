@@ -1,4 +1,4 @@
-"""The tuple scheme: a query, scans of its place, scans of other places (PointNetVLAD, DiSCO).
+"""The tuple scheme: a query, positives and negatives (PointNetVLAD, DiSCO).
 
 Source: Uy and Lee, CVPR 2018 (mikacuy/pointnetvlad); Xu et al., RA-L 2021
 (MaverickPeter/DiSCO-pytorch).
@@ -22,26 +22,26 @@ from deepring.training.tuples.tuple_losses import TupleDescriptors, TupleLoss
 
 
 class TupleBatch(NamedTuple):
-    """t tuples; each row is a query, then its positives, its negatives, and one more negative."""
+    """t tuples: a query, its positives, its negatives, and one more negative per row."""
 
     rasters: Tensor
     """(t, 1 + positives + negatives + 1, *raster.shape)."""
     positives: int
     """Positives per tuple."""
     turn: Tensor
-    """(t,) int64: sectors by which the query is turned against its positives; 0 without turns."""
+    """(t,) int64: turn of the query relative to its positives, sectors; 0 without turns."""
 
 
 @dataclass(frozen=True)
 class TupleScheme(TrainingScheme):
     """Tuples; distances in metres. Defaults are PointNetVLAD's.
 
-    Queries come in random order, none twice in an epoch; None for ``per_epoch`` takes all of them.
-    Positives lie within ``positive_radius`` of the query, negatives beyond ``negative_radius``.
-    ``hard`` of the negatives are the most alike among ``sampled`` random ones, as the network saw
-    them when it last described the training scans, which it does before each epoch from
-    ``hard_from`` on (counted from 0); until then, and with ``hard`` 0, all are random. The last
-    negative is of a place that is none of the tuple's others. ``turned`` aligns the positives
+    Queries come in random order, each at most once per epoch; with None for ``per_epoch``, an epoch
+    has all of them. Positives are within ``positive_radius`` of the query, negatives beyond
+    ``negative_radius``. ``hard`` of the negatives are the most similar among ``candidates`` random
+    ones, by descriptors that the network computes before each epoch from ``hard_from`` on (counted
+    from 0); earlier, and with ``hard`` 0, all are random. The last negative is beyond
+    ``negative_radius`` of the query and of all other negatives. ``turned`` aligns the positives
     with the query's heading and turns the query by a random number of sectors (DiSCO).
     """
 
@@ -54,12 +54,12 @@ class TupleScheme(TrainingScheme):
     positive_radius: float = 10.0
     negative_radius: float = 50.0
     hard: int = 10
-    sampled: int = 4000
+    candidates: int = 4000
     hard_from: int = 6
     turned: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("per_batch", "positives", "negatives", "sampled"):
+        for name in ("per_batch", "positives", "negatives", "candidates"):
             count(f"sampling.{name}", getattr(self, name))
         for name in ("hard", "hard_from"):
             count(f"sampling.{name}", getattr(self, name), 0)
@@ -72,7 +72,7 @@ class TupleScheme(TrainingScheme):
         check_radii(self.positive_radius, self.negative_radius)
 
     def training_set(self, scans: TrainingScans, seed: int) -> "TupleSet":
-        """Tuples of the scans. Raises DataError where no scan has enough others around it."""
+        """Tuples of the scans. Raises DataError if no scan has enough positives and negatives."""
         return TupleSet(scans, self, seed)
 
     def step(self, method: NetworkMethod, loss: TupleLoss, batch: TupleBatch) -> Step:
@@ -104,61 +104,54 @@ class TupleSet(TrainingSet[TupleBatch]):
         self.vectors: Tensor | None = None
         if not len(self.queries):
             raise DataError(
-                f"sampling: none of {len(scans)} training scans has {scheme.positives} others "
+                f"sampling: none of {len(scans)} training scans has {scheme.positives} other scans "
                 f"within {scheme.positive_radius:g} m and more than {scheme.negatives} beyond "
                 f"{scheme.negative_radius:g} m; lower sampling.positives or sampling.negatives, "
                 "change sampling.positive_radius or sampling.negative_radius, or enlarge "
                 "data.regions.train"
             )
-        self[0]  # fail here, not in a worker
+        self[0]  # fails here rather than in a worker
 
     def __len__(self) -> int:
         """Batches per epoch."""
         return self.scheme.per_epoch or -(-len(self.queries) // self.scheme.per_batch)
 
     def before_epoch(self, epoch: int, method: NetworkMethod) -> None:
-        """Describe all training scans, by which hard negatives are found.
-
-        The descriptors are of the weights at that moment, so that a resumed run sees the same.
-        """
+        """Describe all training scans with the current weights, to find hard negatives."""
         if self.scheme.hard and epoch >= self.scheme.hard_from:
             descriptors = describe_all(method, self.scans.rasters)
-            self.learn(method.vectors(descriptors).float().cpu())
-
-    def learn(self, vectors: Tensor) -> None:
-        """Take descriptors (n, d) of all scans, by which hard negatives are found."""
-        self.vectors = vectors
+            self.vectors = method.vectors(descriptors).float().cpu()
 
     def __getitem__(self, index: int) -> TupleBatch:
-        """Draw batch ``index``."""
+        """Batch ``index``."""
         rng = np.random.default_rng([self.seed, index])
         epoch, number = divmod(index, len(self))
         order = np.random.default_rng([self.seed, epoch, 1]).permutation(self.queries)
         first = number * self.scheme.per_batch
         queries = order.take(range(first, first + self.scheme.per_batch), mode="wrap")
-        scans = np.stack([self.draw(int(query), rng) for query in queries])
+        scans = np.stack([self.sample(int(query), rng) for query in queries])
         rasters = self.scans.rasters[scans]
         turn = torch.zeros(len(scans), dtype=torch.int64)
         if self.scheme.turned:
             turn = torch.from_numpy(rng.integers(self.sectors, size=len(scans)))
-            rasters = self._turned(rasters, scans, turn)
+            rasters = self._turn(rasters, scans, turn)
         return TupleBatch(rasters, self.scheme.positives, turn)
 
-    def draw(self, query: int, rng: np.random.Generator, tries: int = 20) -> NDArray[np.int64]:
+    def sample(self, query: int, rng: np.random.Generator, tries: int = 20) -> NDArray[np.int64]:
         """Numbers of the scans of one tuple, in the order of `TupleBatch`.
 
-        The last negative is chosen before the others, which keep away from it. Raises
-        DataError where the scans are too few for both.
+        The last negative is sampled first, and the others beyond its ``negative_radius``. Raises
+        DataError for too few scans.
         """
         s = self.scheme
         near = self.near[query]
         positives = rng.choice(near[near != query], s.positives, replace=False)
         far = self._beyond(query)
-        for other in rng.permutation(far)[:tries]:
-            candidates = np.intersect1d(far, self._beyond(int(other)), assume_unique=True)
+        for last in rng.permutation(far)[:tries]:
+            candidates = np.intersect1d(far, self._beyond(int(last)), assume_unique=True)
             if len(candidates) >= s.negatives:
                 negatives = self._negatives(query, candidates, rng)
-                return np.concatenate([[query], positives, negatives, [other]])
+                return np.concatenate([[query], positives, negatives, [last]])
         raise DataError(
             f"sampling.negatives: no {s.negatives} of {len(self.scans)} training scans are all "
             f"beyond {s.negative_radius:g} m of the query and of one more negative; lower "
@@ -166,10 +159,10 @@ class TupleSet(TrainingSet[TupleBatch]):
         )
 
     def _beyond(self, scan: int) -> NDArray[np.int64]:
-        """The scans of other places than this one's."""
-        everything = np.ones(len(self.scans), dtype=np.bool_)
-        everything[self.around[scan]] = False
-        return np.flatnonzero(everything)
+        """Numbers of the scans beyond ``negative_radius`` of a scan."""
+        mask = np.ones(len(self.scans), dtype=np.bool_)
+        mask[self.around[scan]] = False
+        return np.flatnonzero(mask)
 
     def _negatives(
         self, query: int, candidates: NDArray[np.int64], rng: np.random.Generator
@@ -178,20 +171,19 @@ class TupleSet(TrainingSet[TupleBatch]):
         shuffled = rng.permutation(candidates)
         if self.vectors is None or not s.hard:
             return shuffled[: s.negatives]
-        sampled = shuffled[: s.sampled]
-        apart = torch.cdist(self.vectors[query][None], self.vectors[sampled])[0]
-        hard = sampled[apart.argsort(stable=True)[: s.hard].numpy()]
+        pool = shuffled[: s.candidates]
+        distances = torch.cdist(self.vectors[query][None], self.vectors[pool])[0]
+        hard = pool[distances.argsort(stable=True)[: s.hard].numpy()]
         rest = shuffled[~np.isin(shuffled, hard)]
         return np.concatenate([hard, rest])[: s.negatives]
 
-    def _turned(self, rasters: Tensor, scans: NDArray[np.int64], turn: Tensor) -> Tensor:
-        """Positives aligned with their query's heading, the query turned; negatives as they are."""
+    def _turn(self, rasters: Tensor, scans: NDArray[np.int64], turn: Tensor) -> Tensor:
+        """Align positives with their query's heading, turn the query, and leave the negatives."""
         raster, step = self.scans.rasters.raster, 2 * np.pi / self.sectors
         headings = self.scans.headings[scans]  # (t, k)
-        # Seen from the query's heading the points of a positive are turned by h_p - h_q.
-        apart = np.round((headings - headings[:, :1]) / step).astype(np.int64)
-        apart[:, 1 + self.scheme.positives :] = 0
-        sectors = torch.from_numpy(apart)
+        # In the query's frame the points of a positive are turned by h_p - h_q.
+        sectors = torch.from_numpy(np.round((headings - headings[:, :1]) / step).astype(np.int64))
+        sectors[:, 1 + self.scheme.positives :] = 0
         sectors[:, 0] = turn
         flat = raster.turned(rasters.flatten(0, 1), sectors.flatten())
         return flat.view_as(rasters)

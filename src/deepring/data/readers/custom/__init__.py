@@ -1,4 +1,4 @@
-"""Custom drives: scans and poses in a folder, and a YAML file that says what they are."""
+"""Custom datasets: scans and poses in a folder, described by a YAML file."""
 
 import math
 import re
@@ -38,55 +38,55 @@ _NUMBER = re.compile(r"([0-9]+(?:\.[0-9]+)?)")
 
 
 def open_custom(root: Path | str, name: str | None = None) -> Session:
-    """Open drive ``name`` of the YAML file ``root``; it may be left out where there is one.
+    """Open drive ``name`` of the YAML file ``root``; optional if there is only one.
 
     Scans are z up in the sensor's frame; poses are world <- that frame, world z up:
-    T_world_body · T_body_sensor, both turned by the axes that the file says point up (see
-    `DriveDescription`). ``ground_truth`` is their (x, y), ``stamps`` are those of TUM rows or None,
-    ``ground_z`` is minus the sensor's height. Files that cannot be scans by their size are left
-    out and counted. Raises DeepringError for what `read_drives` refuses, a folder or file that is
-    not there, other numbers of scans and poses, a pose that is not rigid, and scans that lie on
-    their side or head in the poses' world.
+    T_world_body · T_body_sensor, both rotated by the up axes in the file (see `DriveDescription`).
+    ``ground_truth`` is their (x, y), ``stamps`` are those of TUM rows or None, ``ground_z`` is
+    minus the sensor's height. Files with an impossible size are skipped and counted. Raises
+    FileError for a missing folder or file, ConfigError for an invalid description, e.g. with scans
+    tilted by more than 60° in the world, and DataError for different numbers of scans and poses,
+    or a pose that is not rigid.
     """
-    drive = _chosen(_drives(root), root, name)
+    drive = _drive(_drives(root), root, name)
     files = _scans(drive)
     rows, stamps = _pose_rows(drive)
     if len(rows) != len(files):
         raise DataError(
             f"{drive.file}: {len(files)} scans in {drive.scans}, but {len(rows)} poses in "
-            f"{drive.poses}; expected a pose for each scan, in the order of the scans' names. "
-            "Remove those without the other"
+            f"{drive.poses}; expected one pose per scan, in the order of the scans' names. Remove "
+            "scans without a pose, and poses without a scan"
         )
     problems = [_problem(file, drive.format) for file in files]
-    whole = np.array([k for k, problem in enumerate(problems) if problem is None], dtype=np.intp)
+    usable = np.array([k for k, problem in enumerate(problems) if problem is None], dtype=np.intp)
     reasons = tuple(problem for problem in problems if problem is not None)
-    if not len(whole):
+    if not len(usable):
         raise DataError(f"all {len(files)} scans of {drive.scans} are broken: {reasons[0]}")
-    poses = z_up_poses(rows[whole], drive)
+    poses = z_up_poses(rows[usable], drive)
     _expect_upright(poses, drive)
-    read = CustomScans(
+    reader = CustomScans(
         drive.format, drive.up, drive.sensor_height, drive.z_band, drive.azimuth, drive.range
     )
     return Session(
         name=drive.name,
-        files=tuple(files[k] for k in whole),
+        files=tuple(files[k] for k in usable),
         poses=poses,
         ground_truth=poses[:, :2, 3].copy(),
-        stamps=None if stamps is None else stamps[whole],
-        read=read,
+        stamps=None if stamps is None else stamps[usable],
+        read=reader,
         skipped=SkippedScans(broken=reasons),
         ground_z=-drive.sensor_height,
-        decoding=read.decoding,
+        decoding=reader.decoding,
     )
 
 
 def list_custom(root: Path | str) -> list[str]:
-    """Names of the drives that the YAML file ``root`` describes, in its order."""
+    """Names of the drives in the YAML file ``root``, in its order."""
     return list(_drives(root))
 
 
 def z_up_poses(rows: NDArray[np.float64], drive: DriveDescription) -> NDArray[np.float64]:
-    """Poses (n, 4, 4), z-up world <- z-up sensor, of ``rows``, the file's world <- body."""
+    """Poses (n, 4, 4), z-up world <- z-up sensor, from ``rows``, the file's world <- body."""
     to_body = np.eye(4) if drive.sensor_in_body is None else drive.sensor_in_body
     sensor = pose_from(UP[drive.up], np.zeros(3))
     if drive.world_up == SENSOR_WORLD:
@@ -103,14 +103,14 @@ def _drives(root: Path | str) -> dict[str, DriveDescription]:
     return read_drives(root)
 
 
-def _chosen(
+def _drive(
     drives: dict[str, DriveDescription], root: Path | str, name: str | None
 ) -> DriveDescription:
     if name is None and len(drives) == 1:
         return next(iter(drives.values()))
     if name not in drives:
-        wanted = "several drives" if name is None else f"no drive {name!r}"
-        raise DataError(f"{root}: {wanted}; it describes {', '.join(drives)}: name one of these")
+        problem = "several drives" if name is None else f"no drive {name!r}"
+        raise DataError(f"{root}: {problem}, expected the name of one of {', '.join(drives)}")
     return drives[name]
 
 
@@ -118,27 +118,27 @@ def _scans(drive: DriveDescription) -> list[Path]:
     """The drive's scan files in the order of their names."""
     if not _is(drive.scans, "dir"):
         raise FileError(
-            f"{drive.file}: scans: {drive.scans} is no folder; expected the folder of the scans, "
-            "relative to the file's own"
+            f"{drive.file}: scans: {drive.scans} is not a folder; expected that of the scans, "
+            "relative to this file's folder"
         )
-    # Unpacking on some systems leaves hidden "._<name>.bin" companions: not scans.
+    # Some systems unpack hidden "._<name>.bin" files, which are not scans.
     files = [file for file in scan_files([drive.scans]) if not file.name.startswith(".")]
     if drive.format is None and any(file.suffix == ".bin" for file in files):
         raise ConfigError(
-            f"{drive.file}: format: missing; the .bin files in {drive.scans} do not say what is "
-            f"in them: add one of {', '.join(binary_formats())}"
+            f"{drive.file}: format: missing, expected that of the .bin files in {drive.scans}: "
+            f"add one of {', '.join(binary_formats())}"
         )
     return sorted(files, key=_order)
 
 
 def _order(file: Path) -> list[str | Decimal]:
-    """Numbers in names count as numbers, so that 9.npy comes before 10.npy."""
+    """Sort key with numbers in names as numbers, so that 9.npy comes before 10.npy."""
     parts = _NUMBER.split(file.stem)
     return [Decimal(part) if k % 2 else part for k, part in enumerate(parts)]
 
 
 def _problem(file: Path, format: str | None) -> str | None:
-    """Why a file cannot be a scan, as far as its size tells; None where it may be one."""
+    """The reason why a file cannot be a scan, by its size, or None."""
     records: tuple[np.dtype, ...] = (_BYTE,)
     if file.suffix == ".bin" and format is not None:
         records = binary_formats()[format].records
@@ -147,41 +147,41 @@ def _problem(file: Path, format: str | None) -> str | None:
 
 
 def _pose_rows(drive: DriveDescription) -> tuple[NDArray[np.float64], NDArray[np.int64] | None]:
-    """Poses (n, 4, 4) as the file has them, and their stamps (n,) in nanoseconds or None."""
+    """Poses (n, 4, 4) from the file, and their stamps (n,) in nanoseconds or None."""
     if not _is(drive.poses, "file"):
         raise FileError(
-            f"{drive.file}: poses: {drive.poses} is no file; expected the file of the poses, "
-            "relative to the file's own folder"
+            f"{drive.file}: poses: {drive.poses} is not a file; expected the file of the poses, "
+            "relative to this file's folder"
         )
     if drive.pose_format == "tum":
         return _tum(drive.poses)
-    expected = "12 numbers, separated by blanks: a 3x4 pose, row by row (pose_format: kitti)"
-    poses = poses_from_rows(read_table(drive.poses, _KITTI_ROW, None, expected)["values"])
+    row = "12 numbers, separated by blanks: a 3x4 pose, row by row (pose_format: kitti)"
+    poses = poses_from_rows(read_table(drive.poses, _KITTI_ROW, None, row)["values"])
     return _rigid(poses, drive.poses), None
 
 
 def _tum(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    expected = "stamp x y z qx qy qz qw, separated by blanks (pose_format: tum)"
-    rows = read_table(path, _TUM_ROW, None, expected)
+    row = "stamp x y z qx qy qz qw, separated by blanks (pose_format: tum)"
+    rows = read_table(path, _TUM_ROW, None, row)
     seconds, values = rows["seconds"], rows["values"]
-    # Also refuses NaN. Rows out of order would go to the wrong scans in silence.
+    # Also rejects NaN. Rows out of order would silently go to the wrong scans.
     if not (np.abs(seconds) < 9e9).all() or (np.diff(seconds) < 0).any():
         raise DataError(
-            f"{path}: first column from {seconds[0]} to {seconds[-1]}; expected seconds that never "
-            "fall, in the order of the scans' names"
+            f"{path}: first column from {seconds[0]} to {seconds[-1]}; expected seconds in "
+            "ascending order, that of the scans' names"
         )
     poses = _rigid(poses_from_quaternions(values), path)
     return poses, np.rint(seconds * NANOSECONDS).astype(np.int64)
 
 
 def _expect_upright(poses: NDArray[np.float64], drive: DriveDescription) -> None:
-    """An axis that does not point up would give images from the side, in silence."""
+    """Raise ConfigError for a wrong up axis, which would silently give images from the side."""
     tilt = math.degrees(math.acos(np.clip(np.median(poses[:, 2, 2]), -1, 1)))
     if tilt > 60:
         raise ConfigError(
-            f"{drive.file}: up: {drive.up}, world_up: {drive.world_up}; with these the scans' up "
-            f"is {tilt:.0f}° off the world's in half of the poses, expected at most 60°. Set up to "
-            "the axis of the scans, and world_up to that of the poses' world, that points up"
+            f"{drive.file}: up: {drive.up}, world_up: {drive.world_up}; with these, scans are "
+            f"tilted by {tilt:.0f}° in half of the poses, expected at most 60°. Set up to the axis "
+            "of the scans that points up, and world_up to that of the poses' world"
         )
 
 
@@ -189,7 +189,7 @@ def _rigid(poses: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
     bad = np.flatnonzero(~rigid_rows(poses))
     if len(bad):
         raise DataError(
-            f"{path}: pose {bad[0] + 1} of {len(poses)} is no rigid pose ({len(bad)} are not); "
+            f"{path}: pose {bad[0] + 1} of {len(poses)} is not rigid ({len(bad)} are not); "
             "expected finite numbers and a rotation. Check pose_format, or remove the pose and "
             "its scan"
         )
@@ -199,14 +199,14 @@ def _rigid(poses: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
 def _is(path: Path, kind: str) -> bool:
     try:
         return path.is_dir() if kind == "dir" else path.is_file()
-    except (OSError, ValueError):  # a name that is too long, or not one at all
+    except (OSError, ValueError):  # an invalid or too long name
         return False
 
 
 READER = Reader(
     name="custom",
     title="custom drives",
-    layouts=("<name>.yaml, which says where scans and poses are: docs/custom_data.md",),
+    layouts=("<name>.yaml, which describes scans and poses: docs/custom_data.md",),
     open=open_custom,
     sessions=list_custom,
     file_endings=ENDINGS,

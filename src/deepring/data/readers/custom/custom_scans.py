@@ -1,4 +1,4 @@
-"""Scans of a custom drive: the sensor's axes turned z up, and what it should not see cropped."""
+"""Scans of a custom dataset, rotated z up and cropped."""
 
 from dataclasses import astuple, dataclass
 from pathlib import Path
@@ -12,8 +12,8 @@ from deepring.errors import BrokenScanError
 
 Band = tuple[float, float]
 
-#: Turns (3, 3) that make an axis z, by its name. x stays where it is, or y where x is that axis;
-#: for -z both y and z change sign, since z alone would mirror the world.
+#: Rotations (3, 3) of an axis to z, by its name. x does not change, or y if x is that axis; for -z
+#: both y and z change sign, since a change of z alone would mirror the world.
 UP: dict[str, NDArray[np.float64]] = {
     name: np.array(rows, dtype=np.float64)
     for name, rows in {
@@ -29,13 +29,12 @@ UP: dict[str, NDArray[np.float64]] = {
 
 @dataclass(frozen=True)
 class CustomScans:
-    """Reads scan files, turns them z up and crops them.
+    """Reads scan files, rotates them z up and crops them.
 
-    Plain values, all of which make what is read: see ``decoding``. ``format`` says what .bin
-    files hold; ``up`` names the sensor's axis that points up; ``sensor_height`` is in metres above
-    the ground. Of points z up, those outside ``z_band`` (metres above the ground), ``azimuth``
-    (degrees counter-clockwise from x, at most 360 wide) and ``range`` (metres from the sensor) are
-    dropped; None drops none.
+    ``format`` is that of .bin files; ``up`` is the sensor's axis that points up;
+    ``sensor_height`` is in metres above the ground. Then points outside ``z_band`` (metres above
+    the ground), ``azimuth`` (degrees counter-clockwise from x, at most 360 wide) or ``range``
+    (metres from the sensor) are dropped; None drops none.
     """
 
     format: str | None
@@ -47,23 +46,23 @@ class CustomScans:
 
     @property
     def decoding(self) -> str:
-        """Names what is made of a file, for `Session.decoding`."""
+        """Name of the decoding, for `Session`."""
         return f"custom {astuple(self)}"
 
     def __call__(self, path: Path) -> Points:
         """Points (m, 3) float32, metres, z up.
 
-        Missing returns, which are (0, 0, 0), NaN or infinite, are dropped. Raises BrokenScanError
-        for a file that cannot be decoded, or of which no point is left.
+        Drops missing returns, which are (0, 0, 0), NaN or infinite. Raises BrokenScanError for a
+        file that cannot be decoded, or if no point is left.
         """
         points = read_scan(path, self.format)
         valid = points[np.isfinite(points).all(axis=1) & points.any(axis=1)]
-        turned = valid @ UP[self.up].T.astype(np.float32)
-        inside = turned[self._inside(turned)]
+        upright = valid @ UP[self.up].T.astype(np.float32)
+        inside = upright[self._inside(upright)]
         if not len(inside):
             raise BrokenScanError(
-                f"{path}: {len(points)} points, {len(valid)} of them returns, and none of these "
-                "within z_band, azimuth and range; check the file and these keys"
+                f"{path}: {len(points)} points, {len(valid)} of them valid, but none within "
+                "z_band, azimuth and range; check the file and these keys"
             )
         return np.ascontiguousarray(inside)
 
@@ -80,6 +79,6 @@ class CustomScans:
             inside &= (distance >= low) & (distance <= high)
         if self.azimuth is not None:
             low, high = self.azimuth
-            # Counted from the lower end, so that 180° is an angle like any other.
+            # Counted from the lower end, so that intervals may cross 180°.
             inside &= (np.degrees(np.arctan2(y, x)) - low) % 360 <= high - low
         return inside

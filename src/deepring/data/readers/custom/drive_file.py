@@ -1,4 +1,4 @@
-"""The YAML file that describes custom drives: read, checked, and refused with a reason."""
+"""Reads and checks the YAML file that describes custom drives."""
 
 import math
 from collections.abc import Callable
@@ -20,19 +20,19 @@ from deepring.errors import ConfigError, FileError
 
 ENDINGS = (".yaml", ".yml")
 POSE_FORMATS = ("kitti", "tum")
-#: Besides an axis: the poses' world is the body's first frame; take the sensor's for it.
+#: World axes like those of the sensor, for poses relative to the first frame of the body.
 SENSOR_WORLD = "sensor"
 
 _DRIVES, _NAME = "drives", "name"
-_SHORT = Repr()  # values go into one line, however large or deep they are
+_SHORT = Repr()  # one line even for large or deep values
 _SHORT.maxstring = _SHORT.maxother = 80
 
 
 @dataclass(frozen=True, eq=False)
 class DriveDescription:
-    """One drive as its file describes it; folders and files are not looked into yet.
+    """One drive as described by its file; its folders and files are not checked yet.
 
-    The fields behind ``name`` are the file's keys, whose types OmegaConf checks.
+    The fields after ``name`` are the file's keys, with types for OmegaConf.
     """
 
     file: Path
@@ -40,7 +40,7 @@ class DriveDescription:
     scans: Path
     poses: Path
     sensor_height: float  # metres above the ground
-    format: str | None = None  # what .bin files hold
+    format: str | None = None  # of .bin files
     pose_format: str = "kitti"
     sensor_in_body: Any = None  # (4, 4) float64; None is the identity
     up: str = "z"
@@ -51,19 +51,18 @@ class DriveDescription:
 
 
 def is_drive_file(root: Path | str) -> bool:
-    """True for a file that describes drives, told by its name; False for a folder of data."""
+    """True for a file that describes drives, by its name; False for a folder."""
     return Path(root).suffix in ENDINGS and not Path(root).is_dir()
 
 
 def read_drives(path: Path | str) -> dict[str, DriveDescription]:
     """The drives of a YAML file by name, in its order; paths in it are relative to its folder.
 
-    Raises FileError for a file that cannot be read, and ConfigError, naming file, key and value,
-    for one that is no mapping, an unknown or missing key, and a value that is not of its key's
-    kind.
+    Raises FileError for a file that cannot be read, and ConfigError, with file, key and value, for
+    one that is not a mapping, an unknown or missing key, or an invalid value.
     """
     file = Path(path).expanduser().absolute()
-    content = _mapping(file, "the file", _loaded(file))
+    content = _mapping(file, "the file", _load(file))
     if _DRIVES not in content:
         name = content.pop(_NAME, None)
         name = file.stem if name is None else _text(file, _NAME, name)
@@ -74,32 +73,32 @@ def read_drives(path: Path | str) -> dict[str, DriveDescription]:
     drives = {}
     for name, values in entries.items():
         where = f"{_DRIVES}.{_text(file, f'{_DRIVES}, a name', name)}"
-        of_drive = _mapping(file, where, {} if values is None else values)
-        drives[name] = _drive(file, name, content | of_drive, f"{where}.")
+        keys = _mapping(file, where, {} if values is None else values)
+        drives[name] = _drive(file, name, content | keys, f"{where}.")
     return drives
 
 
-def _loaded(file: Path) -> Any:
+def _load(file: Path) -> Any:
     try:
         return yaml.safe_load(file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "no text"
+        reason = error.strerror if isinstance(error, OSError) else "not text"
         raise FileError(
             f"{file}: cannot be read ({reason}); expected a YAML file that describes a drive"
         ) from error
-    except Exception as error:  # broken tags make the library raise almost anything
+    except Exception as error:  # the library raises many types for invalid tags
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}" if mark is not None else "some line"
-        raise ConfigError(f"{file}: no YAML from {where} on; mend that line") from error
+        raise ConfigError(f"{file}: invalid YAML at {where}; correct that line") from error
 
 
 def _drive(file: Path, name: str, values: dict[Any, Any], prefix: str) -> DriveDescription:
-    """A drive of checked values; ``prefix`` leads to its keys in messages."""
+    """A drive with checked values; ``prefix`` precedes its keys in messages."""
     for key in values:
         if key not in _KEYS:
-            shown = key if isinstance(key, str) and len(key) < 80 else _SHORT.repr(key)
+            text = key if isinstance(key, str) and len(key) < 80 else _SHORT.repr(key)
             raise ConfigError(
-                f"{file}: {prefix}{shown}: no known key; expected {', '.join(_KEYS)}, and at the "
+                f"{file}: {prefix}{text}: unknown key, expected {', '.join(_KEYS)}, and at the "
                 f"top {_NAME} or {_DRIVES}"
             )
     required = [
@@ -107,37 +106,37 @@ def _drive(file: Path, name: str, values: dict[Any, Any], prefix: str) -> DriveD
     ]
     for key in required:
         if key not in values:
-            raise ConfigError(f"{file}: {prefix}{key}: missing; expected {_KEYS[key][0]}: add it")
-    checked = {
-        key: _checked(file, key, value, prefix)
+            raise ConfigError(f"{file}: {prefix}{key}: missing, expected {_KEYS[key][0]}: add it")
+    arguments = {
+        key: _parse(file, key, value, prefix)
         for key, value in values.items()
-        if value is not None or key in required  # an empty value is one left out
+        if value is not None or key in required  # an empty value counts as missing
     }
-    return DriveDescription(file, name, **checked)
+    return DriveDescription(file, name, **arguments)
 
 
-def _checked(file: Path, key: str, value: Any, prefix: str) -> Any:
-    """The value of a key: of its type, which OmegaConf checks, and within what it means."""
+def _parse(file: Path, key: str, value: Any, prefix: str) -> Any:
+    """The value of a key, with its type checked by OmegaConf and its range by `_KEYS`."""
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
-    expected, validated = _KEYS[key]
-    typed = OmegaConf.structured(DriveDescription)
-    OmegaConf.set_readonly(typed, False)
+    description, parse = _KEYS[key]
+    config = OmegaConf.structured(DriveDescription)
+    OmegaConf.set_readonly(config, False)
     try:
         if isinstance(value, str) and not value.strip():
             raise ValueError("blank")  # as a path it would be the folder itself
-        typed[key] = value
-        return validated(file, typed[key])
+        config[key] = value
+        return parse(file, config[key])
     except FileError:
         raise
     except (OmegaConfBaseException, ValueError, TypeError, OverflowError, RuntimeError):
         formats = ", ".join(binary_formats())
-        raise _refusal(file, prefix + key, value, expected.format(formats=formats)) from None
+        raise _refusal(file, prefix + key, value, description.format(formats=formats)) from None
 
 
-def _refusal(file: Path, key: str, value: Any, expected: str) -> ConfigError:
-    return ConfigError(f"{file}: {key}: {_SHORT.repr(value)}; expected {expected}")
+def _refusal(file: Path, key: str, value: Any, description: str) -> ConfigError:
+    return ConfigError(f"{file}: {key}: {_SHORT.repr(value)}, expected {description}")
 
 
 def _mapping(file: Path, key: str, value: Any) -> dict[Any, Any]:
@@ -148,7 +147,7 @@ def _mapping(file: Path, key: str, value: Any) -> dict[Any, Any]:
 
 def _text(file: Path, key: str, value: Any) -> str:
     if not isinstance(value, str) or not value.strip():
-        raise _refusal(file, key, value, "text; put numbers and dates into quotes")
+        raise _refusal(file, key, value, "text; put numbers and dates in quotes")
     return value
 
 
@@ -167,7 +166,7 @@ def _band(least: float = -math.inf, span: float = math.inf) -> Callable[[Path, A
 
 
 def _transform(file: Path, value: Any) -> NDArray[np.float64]:
-    """A pose (4, 4) of 12 or 16 numbers, as a list, rows or text; or Tr of a calib.txt."""
+    """A pose (4, 4) from 12 or 16 numbers, as a list, rows or text, or Tr of a calib.txt."""
     try:
         numbers = np.array(value.split() if isinstance(value, str) else value, dtype=np.float64)
     except ValueError:
@@ -187,29 +186,29 @@ def _one_of(*choices: str) -> tuple[str, Callable[[Path, str], str]]:
     return f"one of {', '.join(choices)}", lambda _, value: checks.one_of("key", value, choices)
 
 
-#: By key: what is expected of its value, and what makes the drive's value of one of its type.
+#: By key: a description of its value for messages, and a function that parses the value.
 _KEYS: dict[str, tuple[str, Callable[[Path, Any], Any]]] = {
-    "scans": ("the folder of the scans, as text; put numbers into quotes", _path),
+    "scans": ("the folder of the scans, as text; put numbers in quotes", _path),
     "format": (
-        "what .bin files hold: one of {formats}",
+        "the format of the .bin files, one of {formats}",
         lambda _, value: checks.one_of("format", value, binary_formats()),
     ),
-    "poses": ("the file of their poses, as text; put numbers into quotes", _path),
+    "poses": ("the file of the poses, as text; put numbers in quotes", _path),
     "pose_format": _one_of(*POSE_FORMATS),
     "sensor_in_body": (
         "12 numbers (3x4, row by row), a 4x4 matrix, or the path of a calib.txt with 'Tr:'; a "
-        "rotation and a shift in metres",
+        "rotation and a translation in metres",
         _transform,
     ),
     "up": _one_of(*UP),
     "world_up": _one_of(*UP, SENSOR_WORLD),
     "sensor_height": (
-        "metres of the sensor above the ground, more than 0 (0.01 where z is 0 on the ground)",
+        "the height of the sensor above the ground in metres, more than 0 (0.01 if z is 0 there)",
         lambda _, value: checks.positive("sensor_height", value),
     ),
     "z_band": ("[LOW, HIGH] in metres above the ground, LOW < HIGH", _band()),
     "azimuth": (
-        "[LOW, HIGH] in degrees, LOW < HIGH, at most 360 wide, such as [90, 270] across 180",
+        "[LOW, HIGH] in degrees, LOW < HIGH, at most 360 wide, e.g. [90, 270] across 180",
         _band(span=360),
     ),
     "range": ("[LOW, HIGH] in metres from the sensor, at least 0, LOW < HIGH", _band(least=0)),
