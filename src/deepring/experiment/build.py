@@ -50,7 +50,7 @@ def make(node: Any, key: str, *args: Any, **kwargs: Any) -> Any:
 
 
 Datasets = tuple[list[PlaceDataset], list[PlaceDataset]]
-"""What is trained on, and what is tested on; one that is both is opened once."""
+"""The datasets to train and to test on; one that is both is opened once."""
 
 
 def datasets(cfg: Config) -> Datasets:

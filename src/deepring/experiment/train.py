@@ -57,13 +57,13 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
     method = build.method(cfg.method)
     if not isinstance(method, NetworkMethod):
         return _evaluate_alone(cfg, folder, latest=latest)
-    datasets = trained_on, _ = build.datasets(cfg)
+    datasets = trains, _ = build.datasets(cfg)
     # Whatever would fail after the training fails now, before anything is written.
     if cfg.evaluate:
         splits = plan_evaluation(cfg, datasets=datasets, after=True).splits
-        check_overlap(cfg.overlap, trained_on, splits)
-    datamodule = build.datamodule(cfg, trained_on, method.raster)
-    module = build.module(cfg, trained_on, method)
+        check_overlap(cfg.overlap, trains, splits)
+    datamodule = build.datamodule(cfg, trains, method.raster)
+    module = build.module(cfg, trains, method)
     if cfg.resume is not None:
         _check_resume(cfg.resume, module)
     if is_first_process():
@@ -77,7 +77,7 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
         "training %d parameters of %s on %s",
         sum(p.numel() for p in method.parameters()),
         method.settings.label,
-        " + ".join(dataset.name for dataset in trained_on),
+        " + ".join(dataset.name for dataset in trains),
     )
     _fit(trainer, module, datamodule, cfg.resume, folder)
     checkpoint, score = _best_checkpoint(trainer, folder)
