@@ -9,7 +9,7 @@ from deepring.cli import dataset_options, place_options, run_options
 from deepring.cli.parser import HydraParser, MixedParser, Parser, subcommands
 
 
-class Command(NamedTuple):
+class _Command(NamedTuple):
     """One command of ``deepring``."""
 
     add_options: Callable[[Parser], None]
@@ -21,7 +21,7 @@ class Command(NamedTuple):
 
 
 COMMANDS = {
-    "train": Command(
+    "train": _Command(
         run_options.add_train,
         "train a method and evaluate it, or run a sweep (-m)",
         "Train a method and evaluate it. resume=CHECKPOINT goes on in that run's folder; -m runs "
@@ -29,14 +29,14 @@ COMMANDS = {
         HydraParser,
         partial(run_options.config_help, "train"),
     ),
-    "evaluate": Command(
+    "evaluate": _Command(
         run_options.add_evaluate,
         "evaluate methods on a test region",
         "Evaluate the network of checkpoint=FILE, and the methods that learn nothing.",
         HydraParser,
         partial(run_options.config_help, "evaluate"),
     ),
-    "compare": Command(
+    "compare": _Command(
         run_options.add_compare,
         "train and evaluate all methods",
         "Train each method on each training dataset, evaluate all methods on all test datasets, "
@@ -47,12 +47,12 @@ COMMANDS = {
             "such as hydra/launcher=joblib or test_data.kitti.root=FOLDER."
         ),
     ),
-    "score": Command(
+    "score": _Command(
         run_options.add_score,
         "score exported descriptors again",
         "Look exported descriptors up again and print the rates, without scans and weights.",
     ),
-    "tables": Command(
+    "tables": _Command(
         run_options.add_tables,
         "print the tables of finished runs",
         "Print the tables of finished runs, beside the paper's values, and write them as "
@@ -60,43 +60,43 @@ COMMANDS = {
         "Runs of several methods, or tested in several places, are compared (Tables I and II); "
         "any others are an ablation (Tables III and IV).",
     ),
-    "case-study": Command(
+    "case-study": _Command(
         dataset_options.add_case_study,
         "compare sinograms (SG) with polar grams (PG)",
         "Move scans by known rotations and translations, and compare how much the DFT magnitudes "
         "of sinograms (SG) and of polar grams (PG) change.",
     ),
-    "map": Command(
+    "map": _Command(
         place_options.add_map,
         "build, show or calibrate a map",
         "Build a map of a drive, show what a map holds, or calibrate when to trust it.",
     ),
-    "localize": Command(
+    "localize": _Command(
         place_options.add_localize,
         "locate scans in a map",
         "Locate scans in a map: position and heading in the world of its poses, and "
         "whether to trust them. Exits with 1 where a scan cannot be located.",
     ),
-    "loops": Command(
+    "loops": _Command(
         place_options.add_loops,
         "find the loop closures of a drive",
         "Look each keyframe of a drive up among the earlier ones, and write the trusted loop "
         "closures: OUT.g2o, a graph; OUT.tum, the keyframes' poses; and OUT.json.",
     ),
-    "report": Command(
+    "report": _Command(
         run_options.add_report,
         "write a run as one HTML page",
         "Write a run as one page: results, maps of hits and misses, curves, and the worst failures "
         "with their scans. The page needs no network and no server.",
     ),
-    "export": Command(
+    "export": _Command(
         place_options.add_export,
         "write a trained network as one file",
         "Write a trained DeepRING as .onnx: occupancy from above (batch, n, n) float32 in, "
         "descriptors (batch, θ, ω) out; or any trained network as .safetensors, which all commands "
         "take as a checkpoint. The file's metadata states how it was made.",
     ),
-    "simulate": Command(
+    "simulate": _Command(
         dataset_options.add_simulate,
         "write a simulated dataset",
         "Write two sessions over one simulated world in the native layout of a dataset. An "
@@ -104,7 +104,7 @@ COMMANDS = {
         MixedParser,
         dataset_options.knobs_help,
     ),
-    "data": Command(
+    "data": _Command(
         dataset_options.add_data,
         "check a dataset before using it",
         "Check a dataset before using it.",

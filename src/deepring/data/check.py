@@ -17,7 +17,7 @@ JUMP_M = 10.0  # between consecutive scans
 
 
 @dataclass(frozen=True)
-class Gaps:
+class _Gaps:
     """Steps between consecutive scans that exceed a limit."""
 
     count: int = 0
@@ -41,8 +41,8 @@ class SessionReport:
     broken: tuple[str, ...] = ()  # every unusable file with its reason
     span_s: float | None = None  # first to last scan; None without time stamps
     path_m: float = 0.0  # sum of the planar steps between scans
-    time_gaps: Gaps | None = None  # steps > 1 s; None without time stamps
-    jumps: Gaps = Gaps()  # steps > 10 m
+    time_gaps: _Gaps | None = None  # steps > 1 s; None without time stamps
+    jumps: _Gaps = _Gaps()  # steps > 10 m
     points: tuple[int, float, int] | None = None  # minimum, median, maximum per readable scan
     problem: str | None = None  # why the session cannot be opened at all
 
@@ -118,6 +118,6 @@ def _read_all(session: Session, progress: Progress | None) -> tuple[list[int], l
     return counts, broken
 
 
-def _gaps(steps: np.ndarray, limit: float) -> Gaps:
+def _gaps(steps: np.ndarray, limit: float) -> _Gaps:
     beyond = steps[steps > limit]
-    return Gaps(len(beyond), float(beyond.max())) if len(beyond) else Gaps()
+    return _Gaps(len(beyond), float(beyond.max())) if len(beyond) else _Gaps()

@@ -34,7 +34,7 @@ class TrainedNetwork(NamedTuple):
 
 
 @dataclass(frozen=True)
-class NetworkHeader:
+class _NetworkHeader:
     """What a file says of its network."""
 
     network: dict[str, Any]
@@ -46,7 +46,7 @@ class NetworkHeader:
 FORMAT = SealedFormat(
     "network",
     2,
-    NetworkHeader,
+    _NetworkHeader,
     {"*": None},
     description="a network as `deepring export` writes it",
     remedy="export it again",
@@ -98,7 +98,7 @@ def load_network(checkpoint: Path | str, own_class: str | type | None = None) ->
 
 def write_network(path: Path, network: TrainedNetwork) -> None:
     """Write a network, whole or not at all."""
-    header = NetworkHeader(describe_network(network.method), network.trained_on, network.loss)
+    header = _NetworkHeader(describe_network(network.method), network.trained_on, network.loss)
     write_sealed(path, FORMAT, header, weights_of(network.method))
 
 

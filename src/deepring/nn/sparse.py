@@ -22,16 +22,16 @@ from deepring.errors import ConfigError, DataError
 
 
 @dataclass(frozen=True, eq=False)
-class KernelMap:
+class _KernelMap:
     """Pairs (offset, output rows, input rows), each row at most once per offset."""
 
     outputs: int
     pairs: tuple[tuple[int, Int64[Tensor, " _"], Int64[Tensor, " _"]], ...]
     centre: int | None = None  # the offset from each row to itself, without pairs
 
-    def transposed(self, outputs: int) -> "KernelMap":
+    def transposed(self, outputs: int) -> "_KernelMap":
         """The same pairs in the opposite direction."""
-        return KernelMap(outputs, tuple((k, b, a) for k, a, b in self.pairs))
+        return _KernelMap(outputs, tuple((k, b, a) for k, a, b in self.pairs))
 
 
 def _keys(
@@ -98,7 +98,7 @@ class Grid:
         self._low, self._high, self.stride, self.wrap = low, high, stride, wrap
         keys, self.order = _keys(coordinates, low, high).sort()
         self.coordinates = coordinates[self.order]
-        self._neighbours: dict[int, KernelMap] = {}
+        self._neighbours: dict[int, _KernelMap] = {}
         counts = torch.bincount(self.coordinates[:, 0], minlength=batch or 0)
         repeated = (keys[1:] == keys[:-1]).sum()
         self.counts: list[int]
@@ -112,11 +112,11 @@ class Grid:
     def __len__(self) -> int:
         return len(self.coordinates)
 
-    def neighbours(self, kernel: int) -> KernelMap:
+    def neighbours(self, kernel: int) -> _KernelMap:
         """The map of a stride-1 convolution with an odd kernel, from the sites to themselves."""
         if kernel not in self._neighbours:
             pairs = tuple(self._search(kernel))
-            self._neighbours[kernel] = KernelMap(len(self), pairs, centre=kernel**3 // 2)
+            self._neighbours[kernel] = _KernelMap(len(self), pairs, centre=kernel**3 // 2)
         return self._neighbours[kernel]
 
     def _search(self, kernel: int) -> Iterator[tuple[int, Tensor, Tensor]]:
@@ -147,7 +147,7 @@ class Grid:
                     yield kernel**3 - 1 - k, b, a
 
     @cached_property
-    def coarser(self) -> tuple["Grid", KernelMap]:
+    def coarser(self) -> tuple["Grid", _KernelMap]:
         """The sites at twice the stride, floor(c / 2), and the map from this grid to that one."""
         if self.wrap is not None and self.wrap % 2:
             raise ConfigError(f"wrap: {self.wrap} sectors at stride {self.stride}, expected even")
@@ -162,7 +162,7 @@ class Grid:
         sizes = torch.bincount(offset, minlength=8).tolist()
         runs = zip(torch.split(rows[children], sizes), torch.split(children, sizes), strict=True)
         pairs = tuple((k, a, b) for k, (a, b) in enumerate(runs) if len(a))
-        return grid, KernelMap(len(grid), pairs)
+        return grid, _KernelMap(len(grid), pairs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +209,7 @@ class _GatherMultiplyAdd(torch.autograd.Function):
     """out[a] = Σ_k x[b] W_k over the pairs (k, a, b); stores no gathered rows for backward."""
 
     @staticmethod
-    def forward(ctx: Any, features: Tensor, weight: Tensor, pairs: KernelMap) -> Tensor:
+    def forward(ctx: Any, features: Tensor, weight: Tensor, pairs: _KernelMap) -> Tensor:
         ctx.save_for_backward(features, weight)
         ctx.map = pairs
         if pairs.centre is None:
@@ -250,7 +250,7 @@ class _SparseConv(nn.Module):
         self.weight = nn.Parameter(weight)
 
     def apply_map(
-        self, features: Float[Tensor, "n in"], pairs: KernelMap
+        self, features: Float[Tensor, "n in"], pairs: _KernelMap
     ) -> Float[Tensor, "{pairs.outputs} out"]:
         """Sum over the pairs, in the weight's precision even under autocast."""
         with torch.autocast(features.device.type, enabled=False):

@@ -44,7 +44,7 @@ class SearchSettings:
 
 
 @dataclass(frozen=True)
-class IndexHeader:
+class _IndexHeader:
     """The values that all places of an index share."""
 
     settings: SearchSettings
@@ -58,7 +58,7 @@ class IndexHeader:
 FORMAT = SealedFormat(
     "index",
     3,
-    IndexHeader,
+    _IndexHeader,
     {
         "basis": TensorType("float32", ("ω", "components"), optional=True),
         "step": TensorType("float32", ("frequencies", "components"), optional=True),
@@ -196,7 +196,7 @@ class CorrelationIndex:
             for number in range(len(shards), len(blocks))
         )
         tensors = {} if self.code is None else {"basis": self.code.basis, "step": self.code.step}
-        header = IndexHeader(self.settings, self.period, self.cells, self.shape, shards)
+        header = _IndexHeader(self.settings, self.period, self.cells, self.shape, shards)
         write_sealed(folder / INDEX, FORMAT, header, tensors)
         self._attach(folder, shards)
 

@@ -38,7 +38,7 @@ class Shard:
 
 
 @dataclass(frozen=True)
-class ShardHeader:
+class _ShardHeader:
     """The header of a shard file."""
 
     number: int
@@ -47,7 +47,7 @@ class ShardHeader:
 SHARD = SealedFormat(
     "index shard",
     1,
-    ShardHeader,
+    _ShardHeader,
     ROWS,
     description="a shard as CorrelationIndex.save writes it",
     remedy="copy the whole folder again, or build the index again",
@@ -56,7 +56,7 @@ SHARD = SealedFormat(
 
 def write_shard(folder: Path, number: int, block: Block) -> Shard:
     """Write one block, completely or not at all."""
-    digest = write_sealed(_path(folder, number), SHARD, ShardHeader(number), block)
+    digest = write_sealed(_path(folder, number), SHARD, _ShardHeader(number), block)
     return Shard(lengths_of(block).pop(), digest)
 
 

@@ -37,7 +37,7 @@ class Writer(Protocol):
 
 
 @dataclass(frozen=True)
-class ScanTask:
+class _ScanTask:
     """One scan to write: its settings, session (0 or 1), index and file."""
 
     settings: SimulationSettings
@@ -78,7 +78,7 @@ def session_names(settings: SimulationSettings) -> tuple[str, str]:
     return _writer(settings).SESSIONS
 
 
-def _finish(scene: Scene, root: Path, tasks: Sequence[ScanTask]) -> None:
+def _finish(scene: Scene, root: Path, tasks: Sequence[_ScanTask]) -> None:
     writer = _writer(scene.settings)
     scans = Counter(task.path.parent.relative_to(root).as_posix() for task in tasks)
     files = [path for name in writer.SESSIONS for path in writer.pose_files(root, name)]
@@ -86,11 +86,11 @@ def _finish(scene: Scene, root: Path, tasks: Sequence[ScanTask]) -> None:
     manifest.finish(root, scene.settings, dict(scans), poses)
 
 
-def _tasks(scene: Scene, root: Path) -> list[ScanTask]:
+def _tasks(scene: Scene, root: Path) -> list[_ScanTask]:
     """Every scan of both sessions, in driving order."""
     settings, scan_path = scene.settings, _writer(scene.settings).scan_path
     return [
-        ScanTask(settings, session, index, scan_path(root, name, stamp))
+        _ScanTask(settings, session, index, scan_path(root, name, stamp))
         for session, name in enumerate(session_names(settings))
         for index, stamp in enumerate(scene.drives[session].scan_stamps.tolist())
     ]
@@ -103,7 +103,7 @@ def _write_poses(scene: Scene, root: Path) -> None:
             writer.write_poses(root, name, drive)
 
 
-def _write_scans(tasks: Sequence[ScanTask], workers: int, progress: Progress | None) -> None:
+def _write_scans(tasks: Sequence[_ScanTask], workers: int, progress: Progress | None) -> None:
     """Write the missing scans."""
     missing = [task for task in tasks if not task.path.is_file()]
     for count, _ in enumerate(_each(missing, workers), len(tasks) - len(missing) + 1):
@@ -111,7 +111,7 @@ def _write_scans(tasks: Sequence[ScanTask], workers: int, progress: Progress | N
             progress(count, len(tasks))
 
 
-def _each(tasks: Sequence[ScanTask], workers: int) -> Iterator[None]:
+def _each(tasks: Sequence[_ScanTask], workers: int) -> Iterator[None]:
     if workers == 1 or len(tasks) < 2:
         yield from map(_write_scan, tasks)
         return
@@ -119,7 +119,7 @@ def _each(tasks: Sequence[ScanTask], workers: int) -> Iterator[None]:
         yield from pool.imap_unordered(_write_scan, tasks, chunksize=_BATCH)
 
 
-def _write_scan(task: ScanTask) -> None:
+def _write_scan(task: _ScanTask) -> None:
     scene = scene_of(task.settings)
     sweep = scene.sweep(task.session, task.index)
     _writer(task.settings).write_scan(task.path, sweep, scene.sensor)
