@@ -1,11 +1,13 @@
 """A mistake in the words of the command line: flags for arguments, plain words for errno."""
 
 import errno
+import re
 
 import pytest
 
 from deepring.cli.mistakes import in_flags, is_mistake, mistakes_reported
 from deepring.errors import ConfigError
+from helpers.cli import deepring
 
 FLAGS = {"format": "--format", "ground_z": "--ground-z", "output": "-o"}
 
@@ -61,3 +63,25 @@ def test_a_bug_keeps_its_traceback():
         assert not is_mistake(error)
         with pytest.raises(type(error)), mistakes_reported(FLAGS):
             raise error
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("method.encoder.wdths=[8]", r"method\.encoder\.wdths: no such key; .* has .*widths"),
+        ("representation=polar_gram", r"representation: no such key; the config has .*method"),
+        ("paths.roots.kitti2=/x", r"paths\.roots\.kitti2: no such key; paths\.roots has .*kitti"),
+        ("data=own", r"data: 'own', expected one of custom, .*nclt"),
+        ("method/representation=grm", r"method/representation: 'grm', expected one of polar_gram"),
+        ("seed=a", r"seed: a, expected a whole number"),
+        ("data.ground_z=up", r"data\.ground_z: up, expected a number"),
+        ("evaluation.radii=ten", r"evaluation\.radii: ten, expected a list, as \[1, 2\]"),
+        ("seed", r"seed: cannot be read; expected KEY=VALUE"),
+        ("x=[{a: [1", r"x=\[\{a: \[1: cannot be read; expected KEY=VALUE"),
+        ("seed=0,1", r"seed=0,1: several values; expected seed=\[0,1\] for a list, or -m"),
+    ],
+)
+def test_a_mistake_in_the_config_is_one_line_in_our_words(override, said, tmp_path):
+    done = deepring("train", "data=sim_nclt", override, cwd=tmp_path)
+    assert done.returncode == 2
+    assert re.fullmatch(rf"error: {said}.*\n", done.stderr), done.stderr

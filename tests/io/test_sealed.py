@@ -235,7 +235,7 @@ def test_a_header_that_was_altered_is_told_at_once(box):
 
 def test_missing_files_folders_and_other_kinds_are_told(box, tmp_path):
     refuse(tmp_path / "none.box", "no such file; expected a box as these tests write it")
-    refuse(tmp_path, "no such file")
+    refuse(tmp_path, "is a folder; expected a box")
     refuse(box, "a file of the kind 'box'; expected a crate; give such a file", OTHER)
     save_file({"x": torch.zeros(1)}, box, {"format": "pt"})
     refuse(box, "a safetensors file that deepring did not write; expected a box")

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
+from deepring.cli.config_mistakes import config_mistake
 from deepring.errors import DeepringError
 
 #: Exit status of a user's mistake, as argparse has it.
@@ -95,10 +96,14 @@ def is_mistake(error: Exception) -> bool:
 def _text(error: Exception) -> str:
     if isinstance(error, DeepringError):
         return str(error)
+    mistake = config_mistake(error)
+    if mistake is not None:
+        return mistake
     if isinstance(error, OSError):
         known = _FILE_ERRORS.get(error.errno or 0, error.strerror or str(error))
         return known if error.filename is None else f"{error.filename}: {known}"
-    return f"{error}\n{error.__cause__}" if error.__cause__ else str(error)
+    said = f"{error}\n{error.__cause__}" if error.__cause__ else str(error)
+    return "; ".join(line.strip() for line in said.splitlines() if line.strip())
 
 
 def _raised_in(error: Exception) -> str:
