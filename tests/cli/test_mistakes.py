@@ -6,7 +6,7 @@ import re
 import pytest
 
 from deepring.cli.mistakes import in_flags, is_mistake, mistakes_reported
-from deepring.errors import ConfigError
+from deepring.errors import ConfigError, StoppedError
 from helpers.cli import deepring
 
 FLAGS = {"format": "--format", "ground_z": "--ground-z", "output": "-o"}
@@ -54,8 +54,17 @@ def test_the_argument_that_an_error_asks_for_is_added_once(capsys):
 def test_the_system_s_errors_are_said_in_our_words(capsys):
     error = FileNotFoundError(errno.ENOENT, "No such file or directory", "a.map")
     assert said(error, capsys) == "error: a.map: no such file or folder\n"
+    error = FileNotFoundError(errno.ENOENT, "No such file or directory", "")
+    assert said(error, capsys) == "error: no such file or folder\n"
     error = OSError(errno.ENOSPC, "No space left on device")
     assert said(error, capsys) == "error: no space is left on the disk\n"
+
+
+def test_an_interrupted_training_has_the_exit_status_of_ctrl_c(capsys):
+    with pytest.raises(SystemExit) as ended, mistakes_reported(FLAGS):
+        raise StoppedError("training was interrupted; go on with resume=a.ckpt")
+    assert ended.value.code == 130
+    assert "resume=a.ckpt" in capsys.readouterr().err
 
 
 def test_a_bug_keeps_its_traceback():

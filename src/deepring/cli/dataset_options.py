@@ -13,7 +13,7 @@ def add_simulate(parser: Parser) -> None:
     parser.add_argument("--seed", type=whole(0), default=0, help="of the world (%(default)s)")
     parser.add_argument("--workers", type=whole(1), default=2, help="processes (%(default)s)")
     parser.add_argument("knobs", nargs="*", metavar="KNOB=VALUE")
-    parser.runs("deepring.cli.simulate_command:simulate_command")
+    parser.runs("deepring.cli.simulate_command:simulate_command", root="--output")
 
 
 def knobs_help() -> str:

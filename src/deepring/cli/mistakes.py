@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from deepring.cli.config_mistakes import config_mistake
-from deepring.errors import DeepringError
+from deepring.errors import DeepringError, StoppedError
 
 #: Exit status of a user's mistake, as argparse has it.
 MISTAKE = 2
@@ -37,8 +37,9 @@ _ARGUMENT = re.compile(r"^[a-z_]+(?:\.[a-z_]+)*(?=:| =)|`([a-z_]+(?:\.[a-z_]+)*)
 def mistakes_reported(flags: Mapping[str, str]) -> Iterator[None]:
     """Print a user's mistake as an error on standard error, and exit with status 2.
 
-    Mistakes are our own errors, what Hydra says about a config, and what the operating system
-    says about a file. Any other error is a bug and keeps its traceback.
+    An interrupted training is told likewise, and the status is 130. Mistakes are our own errors,
+    what Hydra says about a config, and what the operating system says about a file. Any other
+    error is a bug and keeps its traceback.
 
     Args:
         flags: the flag of each argument that the library's messages may name.
@@ -52,7 +53,7 @@ def mistakes_reported(flags: Mapping[str, str]) -> Iterator[None]:
         if not is_mistake(error):
             raise
         print(f"error: {told(error, flags)}", file=sys.stderr)
-        sys.exit(MISTAKE)
+        sys.exit(INTERRUPTED if isinstance(error, StoppedError) else MISTAKE)
 
 
 def told(error: Exception, flags: Mapping[str, str]) -> str:
@@ -101,7 +102,7 @@ def _text(error: Exception) -> str:
         return mistake
     if isinstance(error, OSError):
         known = _FILE_ERRORS.get(error.errno or 0, error.strerror or str(error))
-        return known if error.filename is None else f"{error.filename}: {known}"
+        return known if error.filename in (None, "") else f"{error.filename}: {known}"
     said = f"{error}\n{error.__cause__}" if error.__cause__ else str(error)
     return "; ".join(line.strip() for line in said.splitlines() if line.strip())
 

@@ -11,7 +11,7 @@ from lightning.pytorch.callbacks import Timer
 
 from deepring.data.dataset import PlaceDataset, RetrievalSet
 from deepring.data.session import Session
-from deepring.errors import DeepringError, StoppedError
+from deepring.errors import ConfigError, DeepringError, StoppedError
 from deepring.evaluation.results import Result
 from deepring.experiment import build
 from deepring.experiment.config import Config
@@ -53,6 +53,11 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> Trained:
     Everything is written below ``folder``; ``latest`` beside it comes to point at it. A method
     that learns nothing is evaluated. Raises DeepringError on a user's mistake.
     """
+    if cfg.checkpoint is not None:
+        raise ConfigError(
+            f"checkpoint: {cfg.checkpoint}, expected null in a training; `deepring evaluate` takes "
+            "it, and resume=CHECKPOINT goes on training from one"
+        )
     L.seed_everything(cfg.seed, workers=True, verbose=False)
     method = build.method(cfg.method)
     if not isinstance(method, NetworkMethod):
