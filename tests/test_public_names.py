@@ -42,6 +42,10 @@ def test_the_docs_list_the_same_names():
     assert sorted(names) == sorted(deepring.__all__)
 
 
+def test_dir_shows_the_public_names_and_no_helper():
+    assert dir(deepring) == sorted(deepring.__all__)
+
+
 def test_the_citation_has_the_package_s_version():
     text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\nversion: {deepring.__version__}\n" in text

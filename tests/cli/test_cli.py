@@ -131,7 +131,7 @@ def test_simulate_resumes_and_never_overwrites(tmp_path):
     assert scans
     assert deepring(*command, cwd=tmp_path).returncode == 0
     assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.bin")} == scans
-    refused(deepring(*command, "--seed", 7, cwd=tmp_path), "world")
+    refused(deepring(*command, "--seed", 7, cwd=tmp_path), "--output: world")
     refused(deepring(*command, "blok=3", cwd=tmp_path), "blok", "block")
     refused(deepring(*command, "rows=two", cwd=tmp_path), "rows", "two")
 

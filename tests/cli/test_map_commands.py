@@ -80,6 +80,10 @@ def test_trust_is_calibrated_on_another_drive(place_map, tiny_nclt, tmp_path, he
     refused(here("map", "calibrate", place_map, *drive, "-o", "b.map"), "no thresholds")
 
 
+def test_a_precision_that_is_no_share_is_refused_before_anything_is_read(here):
+    refused(here("map", "calibrate", "no.map", "nowhere", "--precision", 2, "-o", "c.map"), "share")
+
+
 def test_a_map_is_built_with_the_network_of_the_package(tiny_nclt, second, here):
     done = here(*BUILD, tiny_nclt, "--session", "2031-02-04", "--spacing", 10, "-o", "shipped.map")
     assert done.returncode == 0, done.stderr

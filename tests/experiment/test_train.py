@@ -173,6 +173,8 @@ def test_resume_from_nothing_is_refused_before_anything_is_written(composed, tin
         ("data.regions.test=[{disc: {center: [9e3, 9e3], radius: 5}}]", r"data\.regions\.test"),
         ("+methods.ring.foo=1", r"methods\.ring\.foo: unknown, expected one of angles"),
         ("trainer.precision=bf16-true", r"trainer\.precision"),
+        ("trainer.max_epochs=two", r"trainer\.max_epochs: 'two', expected a whole number"),
+        ("checkpoint=best.ckpt", r"checkpoint: best\.ckpt, expected null in a training; .*resume"),
     ],
 )
 def test_what_would_fail_after_training_fails_before(

@@ -1,5 +1,6 @@
 """The LightningModule: it learns, resumes to the digit, loads safely, runs in bf16."""
 
+import zipfile
 from functools import partial
 
 import lightning as L
@@ -8,7 +9,7 @@ import pytest
 import torch
 
 from deepring.data.packed_rasters import Rasters, pack
-from deepring.errors import ConfigError, DeepringError
+from deepring.errors import ConfigError, DeepringError, FileError
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import load_network
 from deepring.rasters import BevRaster, raster_settings
@@ -159,6 +160,29 @@ def test_a_missing_or_foreign_checkpoint_is_one_clear_error(tmp_path):
     torch.save({"state_dict": {}}, tmp_path / "other.ckpt")
     with pytest.raises(DeepringError, match="is no whole checkpoint"):
         load_network(tmp_path / "other.ckpt")
+
+
+def test_an_altered_checkpoint_is_refused_wherever_the_byte_is(tmp_path):
+    fit(module(), tmp_path, 1)
+    path = tmp_path / "last.ckpt"
+    content = path.read_bytes()
+    with zipfile.ZipFile(path) as parts:
+        weight = max(parts.infolist(), key=lambda part: part.file_size)
+        stored = parts.read(weight)
+    at = content.index(stored) + len(stored) // 2
+    path.write_bytes(content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :])
+    assert torch.load(path, weights_only=True)  # torch takes it
+    with pytest.raises(FileError, match="cut short or altered; copy it again"):
+        load_network(path)
+
+
+def test_a_checkpoint_from_before_methods_had_names_is_told(tmp_path):
+    fit(module(), tmp_path, 1)
+    state = torch.load(tmp_path / "last.ckpt", weights_only=True)
+    state["hyper_parameters"]["method"] = "deepring.methods.deepring.DeepRing"
+    torch.save(state, tmp_path / "old.ckpt")
+    with pytest.raises(FileError, match=r"old\.ckpt: .*an earlier version .*train or export it"):
+        load_network(tmp_path / "old.ckpt")
 
 
 def test_bf16_trains_and_describes_in_float32(tmp_path):

@@ -15,7 +15,7 @@ def add_simulate(parser: Parser) -> None:
         "--workers", type=whole(1), default=2, help="number of processes (%(default)s)"
     )
     parser.add_argument("knobs", nargs="*", metavar="KNOB=VALUE")
-    parser.runs("deepring.cli.simulate_command:simulate_command")
+    parser.runs("deepring.cli.simulate_command:simulate_command", root="--output")
 
 
 def knobs_help() -> str:

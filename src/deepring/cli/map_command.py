@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.checks import fraction
 from deepring.cli.console import console
 from deepring.cli.options import expect_new, network_of, open_drive
 from deepring.data.session import Points, Session
@@ -43,13 +44,15 @@ def info(args: argparse.Namespace) -> None:
 def calibrate_map(args: argparse.Namespace) -> None:
     """Write the map with thresholds that reach a precision on another drive."""
     expect_new(args.output)
+    fraction("precision", args.precision)  # before the drive is located, which takes minutes
+    tolerance = Tolerance(metres=args.within)
     place_map = Map.open(args.map, check=True)
     session, ground_z = open_drive(args)
     everywhere = np.ones(len(session.files), dtype=np.bool_)
     scans = sample_by_distance(session.positions, args.spacing, everywhere)
     with progress_bar(f"{session.name}: locating") as bar:
         trials = run_trials(place_map, scans_of(session, scans, bar), ground_z)
-    calibration = calibrate(trials, args.precision, Tolerance(metres=args.within))
+    calibration = calibrate(trials, args.precision, tolerance)
     place_map.thresholds = calibration.thresholds
     place_map.save(args.output)
     console.print(f"written      {args.output}", markup=False)

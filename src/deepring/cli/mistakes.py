@@ -6,7 +6,8 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-from deepring.errors import DeepringError
+from deepring.cli.config_mistakes import config_mistake
+from deepring.errors import DeepringError, StoppedError
 
 #: Exit status of a user's mistake, as of argparse.
 MISTAKE = 2
@@ -36,8 +37,9 @@ _ARGUMENT = re.compile(r"^[a-z_]+(?:\.[a-z_]+)*(?=:| =)|`([a-z_]+(?:\.[a-z_]+)*)
 def report_mistakes(flags: Mapping[str, str]) -> Iterator[None]:
     """Print a user's mistake as an error on standard error, and exit with status 2.
 
-    Mistakes are our own errors, those of Hydra about a config, and those of the operating system
-    about a file. Any other error is a bug and keeps its traceback.
+    An interrupted training is told likewise, and the status is 130. Mistakes are our own errors,
+    those of Hydra about a config, and those of the operating system about a file. Any other error
+    is a bug and keeps its traceback.
 
     Args:
         flags: the flags of the library's arguments, by name.
@@ -51,7 +53,7 @@ def report_mistakes(flags: Mapping[str, str]) -> Iterator[None]:
         if not is_mistake(error):
             raise
         print(f"error: {error_message(error, flags)}", file=sys.stderr)
-        sys.exit(MISTAKE)
+        sys.exit(INTERRUPTED if isinstance(error, StoppedError) else MISTAKE)
 
 
 def error_message(error: Exception, flags: Mapping[str, str]) -> str:
@@ -95,10 +97,14 @@ def is_mistake(error: Exception) -> bool:
 def _text(error: Exception) -> str:
     if isinstance(error, DeepringError):
         return str(error)
+    mistake = config_mistake(error)
+    if mistake is not None:
+        return mistake
     if isinstance(error, OSError):
         message = _FILE_ERRORS.get(error.errno or 0, error.strerror or str(error))
-        return message if error.filename is None else f"{error.filename}: {message}"
-    return f"{error}\n{error.__cause__}" if error.__cause__ else str(error)
+        return message if error.filename in (None, "") else f"{error.filename}: {message}"
+    text = f"{error}\n{error.__cause__}" if error.__cause__ else str(error)
+    return "; ".join(line.strip() for line in text.splitlines() if line.strip())
 
 
 def _raised_in(error: Exception) -> str:

@@ -84,7 +84,8 @@ def find_pairs(folder: str | Path) -> list[Pair]:
     if not stems:
         raise FileError(
             f"{source}: no descriptor files in it (*{endings['database']} and "
-            f"*{endings['query']}); expected at least one pair; export some, or name another folder"
+            f"*{endings['query']}); expected at least one pair, as evaluation.descriptors=true "
+            "writes in a run; name another folder"
         )
     pairs = []
     for stem in sorted(stems):

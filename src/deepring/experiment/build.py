@@ -33,6 +33,16 @@ log = logging.getLogger(__name__)
 
 PRECISIONS = ("32-true", "32", "bf16-mixed", "16-mixed")
 
+#: Keys of ``trainer`` that are whole numbers or null.
+WHOLE_NUMBERS = (
+    "max_epochs",
+    "max_steps",
+    "num_nodes",
+    "check_val_every_n_epoch",
+    "log_every_n_steps",
+    "num_sanity_val_steps",
+)
+
 #: Keys of a method's node that are not settings.
 NOT_SETTINGS = ("_target_", "label", "note")
 
@@ -190,6 +200,10 @@ def trainer(
             f"trainer.precision: {cfg.trainer['precision']}, expected one of "
             f"{', '.join(PRECISIONS)}; sinograms and spectra are computed in float32"
         )
+    for key in WHOLE_NUMBERS:  # Lightning meets another type in mid-training
+        value = cfg.trainer.get(key)
+        if value is not None and (isinstance(value, bool) or not isinstance(value, int)):
+            raise ConfigError(f"trainer.{key}: {value!r}, expected a whole number")
     nodes = {name: dict(node) for name, node in cfg.callbacks.items() if node}
     if not validated:
         log.warning("no validation split: the weights of the last epoch are kept")

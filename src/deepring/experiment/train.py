@@ -53,6 +53,11 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
     Everything is written below ``folder``; with ``latest``, the link ``latest`` beside it is set to
     it. A method that learns nothing is only evaluated. Raises DeepringError for a user's mistake.
     """
+    if cfg.checkpoint is not None:
+        raise ConfigError(
+            f"checkpoint: {cfg.checkpoint}, expected null in a training; `deepring evaluate` takes "
+            "it, and resume=CHECKPOINT goes on training from one"
+        )
     L.seed_everything(cfg.seed, workers=True, verbose=False)
     method = build.method(cfg.method)
     if not isinstance(method, NetworkMethod):

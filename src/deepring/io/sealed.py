@@ -120,7 +120,8 @@ def open_sealed(path: Path | str, format: SealedFormat[H], *, check: bool = Fals
     """
     path = Path(path)
     if not path.is_file():
-        raise FileError(f"{format.kind} {path}: no such file; expected {format.description}")
+        state = "is a folder" if path.is_dir() else "no such file"
+        raise FileError(f"{format.kind} {path}: {state}; expected {format.description}")
     metadata, tensors = _read(path, format)
     text = _sealed_text(path, format, metadata)
     values = _header_values(path, format, text)

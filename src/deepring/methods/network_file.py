@@ -4,6 +4,7 @@ Lightning is not needed to read them. `shipped_network` is trained on simulated 
 do and what it cannot is in docs/model_card.md.
 """
 
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -77,6 +78,10 @@ def load_network(checkpoint: Path | str, own_class: str | type | None = None) ->
             "outputs/demo/latest/checkpoints/best.ckpt"
         )
     try:
+        with zipfile.ZipFile(path) as parts:
+            altered = parts.testzip()  # torch.load itself compares no checksums
+        if altered is not None:
+            raise zipfile.BadZipFile(altered)
         state = torch.load(path, map_location="cpu", weights_only=True)
         values = state["hyper_parameters"]
         weights = {
@@ -85,10 +90,10 @@ def load_network(checkpoint: Path | str, own_class: str | type | None = None) ->
             if name.startswith("method.")
         }
         trained_on, loss = str(values["trained_on"]), str(values["loss"])
-    except Exception as error:  # torch.load raises many kinds for a damaged file
+    except Exception as error:  # damaged files and other ones fail in many ways
         raise FileError(
-            f"checkpoint {path}: is no whole checkpoint of this version; take another, or delete "
-            "it to train anew"
+            f"checkpoint {path}: is no whole checkpoint of this version: another file, or cut "
+            "short or altered; copy it again, take another, or delete it to train anew"
         ) from error
     try:
         return TrainedNetwork(make_network(values, weights, own_class), trained_on, loss)

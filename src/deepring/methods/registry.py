@@ -63,6 +63,11 @@ def method_class(name: str, own_class: str | type | None = None) -> type:
     cls = class_at(own_class) if isinstance(own_class, str) else own_class
     if cls is not None and method_name(cls) == name:
         return cls
+    if name in map(_path_of, _METHODS.values()):  # as files said before methods had names
+        raise ConfigError(
+            f"method: {name!r} is how an earlier version of deepring named it; expected one of "
+            f"{', '.join(_METHODS)}; train or export it again with this version"
+        )
     given = "" if cls is None else f", and the class given is {class_path(cls)}"
     raise ConfigError(
         f"method: {name!r} is not registered{given}; expected one of {', '.join(_METHODS)}, or "

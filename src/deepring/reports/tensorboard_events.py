@@ -15,6 +15,10 @@ from deepring.evaluation.protocol import Outcome
 #: Thresholds that TensorBoard's PR page draws.
 THRESHOLDS = 127
 
+#: How often events are written to the disk. Ctrl-C while one is handed over to the writer's thread
+#: can hide all later ones from it until then, and closing waits for that thread.
+FLUSH_SECONDS = 2
+
 
 def write_events(
     folder: Path,
@@ -26,7 +30,7 @@ def write_events(
 
     The keys of ``figures`` are their tags. ``folder`` is the run's TensorBoard folder.
     """
-    with SummaryWriter(str(folder)) as writer:
+    with SummaryWriter(str(folder), flush_secs=FLUSH_SECONDS) as writer:
         final_metrics: dict[str, float] = {}
         for outcome in outcomes:
             head, case = outcome.results[0], outcome.case
@@ -65,5 +69,5 @@ def add_pr_curve(writer: SummaryWriter, tag: str, matches: TopMatches, radius: f
 
 def add_descriptors(folder: Path, descriptors: Tensor, labels: list[str]) -> None:
     """Add descriptors (n, ...) of the database to the projector, with one label per place."""
-    with SummaryWriter(str(folder)) as writer:
+    with SummaryWriter(str(folder), flush_secs=FLUSH_SECONDS) as writer:
         writer.add_embedding(descriptors.flatten(1), metadata=labels, tag="database")
