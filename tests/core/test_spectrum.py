@@ -1,6 +1,7 @@
 """Row-wise DFT magnitude: invariance, half-spectrum weights, the 2DFT, the paper's claim."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -76,6 +77,15 @@ def test_the_second_dft_is_that_of_its_definition_and_keeps_the_norm(shape):
     expected = (basis @ x.to(torch.complex64)).abs()
     assert torch.allclose(column_dft_magnitude(x), expected, atol=1e-5)
     assert torch.allclose(column_dft_magnitude(x).norm(), x.norm())
+
+
+@pytest.mark.parametrize(
+    "function",
+    [row_dft_magnitude, partial(standardise_spectrum, bins=6), column_dft_magnitude],
+)
+def test_spectra_stay_on_the_device_of_the_feature(function):
+    feature = torch.empty(2, 5, 4, device="meta")  # an accelerator that every machine has
+    assert function(feature).device == feature.device
 
 
 def ring(points):

@@ -23,6 +23,7 @@ from deepring.evaluation.metrics import (
     area_under,
     f1_along,
     first_right,
+    first_right_among,
     max_f1,
     place_auc,
     place_precision_recall,
@@ -175,6 +176,26 @@ def test_equal_scores_rank_by_database_index():
 def test_a_place_at_exactly_the_radius_is_right():
     scores, distances = torch.tensor([[1.0]]), torch.tensor([[10.0]])
     assert recall_at_k(scores, distances, 1, RADIUS) == 1
+
+
+@pytest.fixture
+def float64_by_default():
+    torch.set_default_dtype(torch.float64)
+    yield
+    torch.set_default_dtype(torch.float32)
+
+
+@pytest.mark.usefixtures("float64_by_default")
+def test_exactly_the_radius_is_right_whatever_torchs_default_dtype():
+    tenth = torch.tensor([[0.1]], dtype=torch.float32)  # above 0.1 by its rounding
+    assert first_right_among(tenth, tenth[0], [0.1]).item() == 1
+
+
+def test_ranks_are_counted_where_the_scores_are_whatever_torchs_default_device():
+    scores, distances = torch.tensor([[1.0, 1.0, 2.0]]), torch.tensor([[50.0, 3.0, 50.0]])
+    with torch.device("meta"):
+        top, rank = first_right(scores, distances, RADIUS)
+    assert (top.item(), rank.item()) == (2.0, 3)
 
 
 @pytest.mark.parametrize(("precision", "recall"), [(0.2, 0.4), (0.01, 0.02), (0.5, 1.0), (1, 1)])
