@@ -93,7 +93,7 @@ def test_a_folder_name_is_one_folder_and_never_empty():
 
 
 def test_what_no_sweep_can_be_is_refused(tmp_path):
-    refused(deepring("train", "-m", "--cfg", "job", cwd=tmp_path), "--cfg", "leave one out")
+    refused(deepring("train", "-m", "--cfg", "job", cwd=tmp_path), "--cfg", "expected only one of the two")
     refused(
         deepring("train", "-m", "hydra.sweep.dir=", "seed=0,1", cwd=tmp_path), "expected a folder"
     )
