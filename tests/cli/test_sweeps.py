@@ -93,10 +93,10 @@ def test_a_folder_name_is_one_folder_and_never_empty():
 
 
 def test_what_no_sweep_can_be_is_refused(tmp_path):
-    refused(deepring("train", "-m", "--cfg", "job", cwd=tmp_path), "--cfg", "expected only one of the two")
-    refused(
-        deepring("train", "-m", "hydra.sweep.dir=", "seed=0,1", cwd=tmp_path), "expected a folder"
-    )
+    both = deepring("train", "-m", "--cfg", "job", cwd=tmp_path)
+    refused(both, "--cfg", "expected only one of the two")
+    nowhere = deepring("train", "-m", "hydra.sweep.dir=", "seed=0,1", cwd=tmp_path)
+    refused(nowhere, "hydra.sweep.dir=: no value, expected the folder of the sweep")
     refused(deepring("train", "-m", "sweep=tabel3", cwd=tmp_path), "tabel3")
     assert not list(tmp_path.rglob("seed-*"))
 
