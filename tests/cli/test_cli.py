@@ -205,7 +205,7 @@ def test_an_interrupted_training_says_how_to_go_on_and_does(tiny_nclt, tmp_path)
             _, errors = running.communicate(timeout=60)
         finally:
             running.kill()
-    assert running.returncode == 2, errors
+    assert running.returncode == 130, errors
     assert "Traceback" not in errors
     assert "resume=outputs/demo/" in errors
     epoch = torch.load(checkpoint, weights_only=True)["epoch"]

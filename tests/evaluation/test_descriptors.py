@@ -180,7 +180,7 @@ def test_an_empty_set_is_refused(side, message):
 def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(DeepringError, match=r"none\.safetensors: no such file; expected"):
         read_descriptors(tmp_path / "none.safetensors")
-    with pytest.raises(DeepringError, match="no such file"):
+    with pytest.raises(DeepringError, match="is a folder; expected descriptors"):
         read_descriptors(tmp_path)
 
 
