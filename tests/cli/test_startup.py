@@ -12,7 +12,7 @@ SUBCOMMANDS = {"map": ("build", "info", "calibrate"), "data": ("check",)}
 HEAVY = ("torch", "lightning", "torchmetrics", "hydra", "omegaconf", "matplotlib", "tensorboard")
 
 #: What maps, loops and exported weights do without.
-UNUSED = {"lightning", "torchmetrics", "hydra", "omegaconf", "tensorboard"}
+UNUSED = {"matplotlib", "lightning", "torchmetrics", "hydra", "omegaconf", "tensorboard"}
 
 #: Shows several helps, and tells what they imported.
 HELP = """
