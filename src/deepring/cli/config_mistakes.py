@@ -20,10 +20,11 @@ def config_mistake(error: Exception) -> str | None:
             f"{override}: cannot be read; expected KEY=VALUE, each [ and {{ closed, and quotes "
             "around what has brackets or blanks: 'KEY=[{a: 1}, {b: 2}]'"
         )
-    if found := re.match(r"Ambiguous value for argument '(.+)'", str(error)):
-        key, _, values = found[1].partition("=")
+    if ambiguous := re.match(r"Ambiguous value for argument '(.+)'", str(error)):
+        override = ambiguous[1]
+        key, _, values = override.partition("=")
         return (
-            f"{found[1]}: several values; expected {key}=[{values}] for a list, or -m for a sweep"
+            f"{override}: several values; expected {key}=[{values}] for a list, or -m for a sweep"
         )
     if cause is None or not hasattr(cause, "full_key"):
         return None

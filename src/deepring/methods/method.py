@@ -1,4 +1,4 @@
-"""What a place-recognition method is: scans become descriptors, descriptors are compared."""
+"""Place-recognition methods: scans become descriptors, and descriptors are compared."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple, Protocol, Self, cast, runtime_checkable

@@ -1,4 +1,4 @@
-"""What learned methods share: settings that travel in checkpoints, descriptions of scans."""
+"""The base of learned methods: settings that travel in checkpoints, descriptions of scans."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -103,7 +103,7 @@ class NetworkMethod(nn.Module, ABC):
     def vectors(
         self, descriptors: Float[Tensor, " batch *descriptor"]
     ) -> Float[Tensor, "batch value"]:
-        """What losses of distances compare: (b, ...) -> (b, d); the descriptors themselves."""
+        """Vectors that distance losses compare: (b, ...) -> (b, d); the descriptors themselves."""
         return descriptors.flatten(1)
 
     @torch.no_grad()

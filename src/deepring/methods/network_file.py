@@ -36,7 +36,7 @@ class TrainedNetwork(NamedTuple):
 
 @dataclass(frozen=True)
 class _NetworkHeader:
-    """What a file says of its network."""
+    """The header of a network's file."""
 
     network: dict[str, Any]
     """As `describe_network` describes it."""

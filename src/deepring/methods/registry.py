@@ -41,7 +41,7 @@ def register_method(name: str, cls: type) -> None:
 
 
 def method_name(cls: type) -> str:
-    """What files call the class: its registered name, or else its dotted path."""
+    """The name of the class in files: its registered name, or else its dotted path."""
     path = class_path(cls)
     return next((name for name, known in _METHODS.items() if _path_of(known) == path), path)
 

@@ -270,7 +270,7 @@ def _group(own: Components) -> str:
 
 
 def _seeds(entries: Sequence[Entry]) -> list[str]:
-    """What the values are means of, and which rows lack seeds that others have."""
+    """Notes on the seeds behind the means, and on rows that lack some of them."""
     labels = {entry.row: _label(entry) for entry in entries}
     return [about_means(seeds_of(labels)), *about_lacking(list(labels), labels.__getitem__)]
 

@@ -114,7 +114,7 @@ def _limits(entries: Sequence[Entry]) -> tuple[float, float]:
 
 
 def _heights(entries: Sequence[Entry]) -> list[float]:
-    """Where each row is drawn, downwards; a gap lies between the paper's groups."""
+    """Height of each row, downwards, with a gap between the paper's groups."""
     heights = [0.0]
     for before, entry in pairwise(entries):
         apart = before.names.get(GROUP) != entry.names.get(GROUP)
@@ -141,7 +141,7 @@ def _diamonds(axes: Axes, across: Sequence[float], up: Sequence[float]) -> None:
 
 
 def _legend(figure: Figure, axes: Axes) -> None:
-    """What each kind of mark means, once, means first."""
+    """One legend entry per kind of mark, means first."""
     handles, labels = axes.get_legend_handles_labels()
     kinds = dict(reversed(list(zip(labels, handles, strict=True))))  # the first of a kind stays
     last = [label for label in (_SEED, _PAPER) if label in kinds]
@@ -151,7 +151,7 @@ def _legend(figure: Figure, axes: Axes) -> None:
 
 
 def _label(entry: Entry) -> str:
-    """What a row is, further keys with their short names before their values."""
+    """Name of a row; further keys stand with their short names before their values."""
     names = {name: text for name, text in entry.names.items() if name not in (GROUP, CLASSES)}
     plain = [text for name, text in names.items() if "." not in name]
     keyed = [f"{_short(name)} {text}" for name, text in names.items() if "." in name]

@@ -22,7 +22,7 @@ from deepring.core.equivariance import relative_error
 from deepring.core.rigid import turn_points
 from deepring.core.spectrum import row_dft_magnitude
 from deepring.data.session import Points
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError, DataError
 from deepring.io.files import replacing
 from deepring.nn.circular import CircularConv2d
 from deepring.nn.representation import PolarImage, Sinogram
@@ -196,7 +196,7 @@ def measure(
         DeepringError: no scan, or a count below 1.
     """
     if pairs < 1 or repeats < 1:
-        raise DeepringError(f"pairs: {pairs}, repeats: {repeats}; expected at least 1 each")
+        raise ConfigError(f"pairs: {pairs}, repeats: {repeats}; expected at least 1 each")
     rng = np.random.default_rng(seed)
     extractors = {name: Extractor(name, seed) for name in NAMES}
     errors: dict[Name, list[list[float]]] = {name: [] for name in NAMES}
@@ -215,7 +215,7 @@ def measure(
         if len(still) == pairs:
             break
     if not still:
-        raise DeepringError("scans: none given; expected at least one")
+        raise DataError("scans: none given; expected at least one")
     others = _other_places(still, rng)
     rows: list[ErrorRow] = []
     for name, extractor in extractors.items():
@@ -235,7 +235,7 @@ def _motions(heading: float, direction: float) -> list[Motion]:
 
 
 def _errors(magnitudes: Tensor) -> list[float]:
-    """Of the twins against the scan, which comes first: in the order of `_motions`."""
+    """Errors of the twins against the scan, which comes first, in the order of `_motions`."""
     turns = [0.0] * len(TRANSLATIONS_M) + list(ROTATIONS_DEG)
     scan, twins = magnitudes[0], magnitudes[1:]
     return [
@@ -245,12 +245,12 @@ def _errors(magnitudes: Tensor) -> list[float]:
 
 def _other_places(still: Sequence[_Still], rng: np.random.Generator) -> list[tuple[_Still, _Still]]:
     """Each scan with a random one of another place, where there is one."""
-    found = []
+    pairs = []
     for scan in still:
         others = [other for other in still if _apart(scan, other)]
         if others:
-            found.append((scan, others[int(rng.integers(len(others)))]))
-    return found
+            pairs.append((scan, others[int(rng.integers(len(others)))]))
+    return pairs
 
 
 def _apart(a: _Still, b: _Still) -> bool:

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 
-from deepring.errors import DeepringError
+from deepring.errors import DataError
 from deepring.paper.case_study import ROWS, ErrorRow, Kind, Name, TwinPair, View
 from deepring.reports.sinograms import draw_bev
 from deepring.reports.style import INK, LABEL_SIZE, PALETTE, legend_below, new_figure, style_axes
@@ -19,7 +19,7 @@ _COLOURS: dict[Name, str] = {"SG": PALETTE[0], "PG": PALETTE[1]}
 
 
 def pair_figure(pair: TwinPair) -> Figure:
-    """Scan and twin from above; a row a representation: both images, magnitudes, difference.
+    """Scan and twin from above; one row per representation: both images, magnitudes, difference.
 
     Magnitudes and difference of a row share one colour scale, whose steps are finer near zero,
     since the mean of the rows (ω = 0) outshines the rest.
@@ -72,7 +72,7 @@ def error_figure(rows: Sequence[ErrorRow], title: str = "") -> Figure:
         title: of the whole figure, such as the dataset.
 
     Raises:
-        DeepringError: no rows of a translation or of a rotation.
+        DataError: no rows of a translation or of a rotation.
     """
     figure = new_figure(10.0, 4.6)
     shifted, turned = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
@@ -98,10 +98,10 @@ def error_figure(rows: Sequence[ErrorRow], title: str = "") -> Figure:
 
 
 def _of(rows: Sequence[ErrorRow], name: Name, kind: Kind) -> list[ErrorRow]:
-    found = [row for row in rows if (row.representation, row.kind) == (name, kind)]
-    if not found:
-        raise DeepringError(f"rows: none of {name} and kind {kind!r}; expected those of measure()")
-    return found
+    selection = [row for row in rows if (row.representation, row.kind) == (name, kind)]
+    if not selection:
+        raise DataError(f"rows: none of {name} and kind {kind!r}; expected those of measure()")
+    return selection
 
 
 def _is_whole(row: ErrorRow) -> bool:

@@ -22,7 +22,7 @@ class MethodComparison:
     """Everything that a comparison shows."""
 
     blocks: Mapping[Name, Sequence[Block]]
-    """Of the tables that hold anything, Table I first."""
+    """The tables with any rows, Table I first."""
     rows: Sequence[SeedGroup]
     """By test and in the paper's order, those too that stand in no table."""
     remarks: Mapping[str, Sequence[str]]
@@ -36,12 +36,12 @@ class MethodComparison:
 
     @property
     def conditions(self) -> str:
-        """What stands behind every title."""
+        """The words behind every title."""
         return f"right within {self.radius:g} m, recall over {self.over} queries"
 
 
 def is_comparison(runs: Iterable[Run]) -> bool:
-    """Whether methods are to be compared, not the settings of DeepRING.
+    """Whether the runs compare methods rather than settings of DeepRING.
 
     They are where some run is of another method than DeepRING by its ``method._target_``, or was
     tested in several places.
@@ -61,7 +61,7 @@ def compare(
     mix: bool = False,
     notes: Sequence[str] = (),
 ) -> MethodComparison:
-    """What Tables I and II and further test sets hold, and what each method takes.
+    """Tables I and II, further test sets, and the cost of each method.
 
     Args:
         runs: finished runs of several methods, trainings and seeds.

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from deepring.errors import DeepringError
+from deepring.errors import DataError
 from deepring.evaluation.case import Case
 from deepring.evaluation.counting import precision_recall
 from deepring.evaluation.matches import TopMatches
@@ -43,7 +43,7 @@ def curve_panels(
         seeds, in words.
 
     Raises:
-        DeepringError: as `precision_recall`.
+        DataError: as `precision_recall`.
     """
     blocks = {
         f"{block[0].case.test}, {_PANELS[name]}": block
@@ -72,11 +72,11 @@ def comparison_figure(panels: Panels, radius: float) -> Figure:
         radius: metres within which a retrieval is right, named in the figure's title.
 
     Raises:
-        DeepringError: no panel, one without a curve, or precision and recall that are not (t,) of
+        DataError: no panel, one without a curve, or precision and recall that are not (t,) of
             one length t >= 1.
     """
     if not panels:
-        raise DeepringError("panels: none given; expected at least one with a curve a method")
+        raise DataError("panels: none given; expected at least one, with one curve per method")
     methods = list(dict.fromkeys(method for panel in panels.values() for method in panel))
     across = min(len(panels), _ACROSS)
     down = math.ceil(len(panels) / across)
@@ -85,7 +85,7 @@ def comparison_figure(panels: Panels, radius: float) -> Figure:
         axes = figure.add_subplot(down, across, number)
         _draw_panel(axes, title, curves, methods)
     _legend(figure, methods)
-    title = f"Right within {radius:g} m, a line a seed"
+    title = f"Right within {radius:g} m, one line per seed"
     figure.suptitle(title, fontsize=LABEL_SIZE, color=INK)
     return figure
 
@@ -112,13 +112,13 @@ def _draw_panel(
     axes: Axes, title: str, curves: Mapping[str, Sequence[Curve]], methods: Sequence[str]
 ) -> None:
     if not any(curves.values()):
-        raise DeepringError(f"panels[{title!r}]: no curve; expected at least one; leave it out")
+        raise DataError(f"panels[{title!r}]: no curve; expected at least one; leave it out")
     for method, of_seeds in curves.items():
         colour, line, _ = series(methods.index(method))
         for number, (precision, recall) in enumerate(of_seeds):
             up, across = np.asarray(precision), np.asarray(recall)
             if up.ndim != 1 or up.shape != across.shape or not up.size:
-                raise DeepringError(
+                raise DataError(
                     f"panels[{title!r}][{method!r}][{number}]: precision {up.shape}, recall "
                     f"{across.shape}; expected (t,) each, of one length t >= 1"
                 )

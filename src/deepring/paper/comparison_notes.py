@@ -1,4 +1,4 @@
-"""What is to be said below the tables of a comparison."""
+"""Notes below the tables of a comparison."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -8,7 +8,7 @@ from deepring.paper.seed_groups import about_lacking, about_means, listed, seeds
 
 
 def block_notes(name: Name, blocks: Sequence[Block]) -> list[str]:
-    """What the values are means of, how many queries count, and what the paper's values are."""
+    """Notes on the means, on the queries that count, and on the paper's values."""
     means = about_groups((block[0].case.place, seeds_of(block)) for block in blocks)
     lacking = [
         f"{block[0].case.place}: {note}"
@@ -25,7 +25,7 @@ def block_notes(name: Name, blocks: Sequence[Block]) -> list[str]:
 
 
 def about_groups(groups: Iterable[tuple[str, Sequence[int]]]) -> list[str]:
-    """What the values of each named group are: one note where all are over the same seeds."""
+    """Notes on the values of each named group; one note if all have the same seeds."""
     names: dict[str, list[str]] = {}
     for name, seeds in groups:
         names.setdefault(about_means(seeds), []).append(name)
@@ -35,13 +35,13 @@ def about_groups(groups: Iterable[tuple[str, Sequence[int]]]) -> list[str]:
 
 
 def remark_notes(blocks: Iterable[Block], remarks: Mapping[str, Sequence[str]]) -> list[str]:
-    """What the configs of the methods in these blocks say of them."""
+    """Notes from the configs of the methods in these blocks."""
     shown = dict.fromkeys(row.case.method for block in blocks for row in block)
     return [f"{name}: {'; '.join(remarks[name])}" for name in shown if name in remarks]
 
 
 def _is_papers(dataset: str) -> bool:
-    """Whether it has the name of one of the paper's, whose values stand beside it."""
+    """Whether it has the name of one of the paper's methods, whose values stand beside it."""
     return dataset.lower() == (family(dataset) or "").lower()
 
 

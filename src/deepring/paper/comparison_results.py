@@ -84,7 +84,7 @@ def training_minutes(runs: Iterable[Run]) -> dict[str, float]:
 
 
 def _made(run: Run, case: Case) -> dict[str, Any]:
-    """What a method was made with; of one that learns nothing, what its own config says."""
+    """The settings that made a method; for one that learns nothing, its own config node."""
     if case.train:
         return {key: value for key, value in run.setting.items() if _MADE.fullmatch(key)}
     nodes = [_method(run), *(run.config.get("methods") or {}).values()]
@@ -94,7 +94,7 @@ def _made(run: Run, case: Case) -> dict[str, Any]:
 
 
 def _protocol(run: Run) -> dict[str, Any]:
-    """What does not go with a dataset: by what checkpoints were chosen, and the preprocessing."""
+    """Settings that belong to no dataset: how checkpoints are chosen, and the preprocessing."""
     evaluation = run.config.get("evaluation") or {}
     radii = evaluation.get("radii") or [None]
     first = {HEADLINE: radii[0], "evaluation.over": evaluation.get("over")}
@@ -102,15 +102,15 @@ def _protocol(run: Run) -> dict[str, Any]:
 
 
 def _stated_datasets(run: Run) -> Iterator[Stated]:
-    """What a run states of each dataset; where it lies may go with the seed.
+    """The values that a run states for each dataset; its folder may vary with the seed.
 
-    What runs train on is held against each other, and so is what they test on.
+    Training datasets are compared with training datasets, and test datasets with test datasets.
     """
     for side, node in _datasets(run):
         name = node["name"]
         values = flatten({key: value for key, value in node.items() if key != "root"})
-        kept = {k: v for k, v in values.items() if side == "train" or k not in _OF_TRAINING}
-        yield (side, name), run, {f"data {name} {key}": value for key, value in kept.items()}
+        relevant = {k: v for k, v in values.items() if side == "train" or k not in _OF_TRAINING}
+        yield (side, name), run, {f"data {name} {key}": value for key, value in relevant.items()}
         root = {f"data {name} root (seed {run.seed})": node.get("root")}
         yield ("root", name, run.seed), run, root
 
@@ -128,11 +128,11 @@ def _datasets(run: Run) -> Iterator[tuple[str, Mapping[str, Any]]]:
 
 
 def _own_labels(run: Run) -> set[str]:
-    """What the run's method is called in its results: what it trained, else what it states."""
+    """Labels of the run's method in its results: of what it trained, else of its config."""
     trained = {result.case.method for result in run.results if result.case.train}
     return trained or {str(_method(run).get("label"))}
 
 
 def _method(run: Run) -> Mapping[str, Any]:
-    """What the config says of the run's own method."""
+    """The config's node of the run's own method."""
     return run.config.get("method") or {}

@@ -117,7 +117,7 @@ _Crossing = tuple[Case, dict[int, tuple[float, float]]]
 
 
 def _crossings(rows: Sequence[SeedGroup]) -> list[_Crossing]:
-    """Of the test region, so that the same queries are counted both times."""
+    """Recalls on the test region, so that both count the same queries."""
     known = {row.case: row for row in rows}
     crossings = []
     for row in rows:

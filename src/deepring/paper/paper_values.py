@@ -1,4 +1,4 @@
-"""What the paper compares in Tables I to IV, by which names, and what it measured."""
+"""The rows of the paper's Tables I to IV, their names, and the values that it measured."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -18,7 +18,7 @@ LOSSES = {"OneShotCrossEntropy": "CE", "Triplet": "Triplet", "Quadruplet": "Quad
 
 
 class Components(NamedTuple):
-    """What Table III compares, by the paper's names."""
+    """The components that Table III compares, by the paper's names."""
 
     input: str
     aggregation: str
@@ -155,8 +155,8 @@ _ROUNDING = 1.1e-3
 
 def family(dataset: str) -> str | None:
     """'NCLT' or 'MulRan' where the dataset's name holds one of them, in any case; else None."""
-    found = [name for name in FAMILIES if name.lower() in dataset.lower()]
-    return found[0] if len(found) == 1 else None
+    names = [name for name in FAMILIES if name.lower() in dataset.lower()]
+    return names[0] if len(names) == 1 else None
 
 
 def paper_rates(table: str, dataset: str, label: str) -> Rates | None:
@@ -171,7 +171,7 @@ def paper_rates(table: str, dataset: str, label: str) -> Rates | None:
 
 
 def place_of(label: str) -> tuple[int, str]:
-    """What sorts methods as the paper does, those that it does not name behind."""
+    """Sort key: methods in the paper's order, then those that it does not name."""
     base = _base(label)
     return (len(_METHODS) if base is None else list(_METHODS).index(base)), label
 

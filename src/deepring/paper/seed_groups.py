@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from deepring.checks import one_of
-from deepring.errors import DeepringError
+from deepring.errors import DataError
 from deepring.evaluation.case import Case
 from deepring.evaluation.metrics import Over
 from deepring.evaluation.results import Result
@@ -44,16 +44,16 @@ class Run:
     """Resolved, of plain dicts, lists and values."""
     results: Sequence[Result]
     commits: Sequence[str] = ()
-    """Of the code that made it, several where it went on with other code."""
+    """Commits of the code; several if the run was resumed with other code."""
     seconds: float | None = None
     """That the training took; None where nothing was trained, or nobody noted it."""
 
     @property
     def seed(self) -> int:
-        """Of its config. Raises DeepringError where that is no whole number."""
+        """The seed in its config. Raises DataError unless it is a whole number."""
         seed = self.config.get("seed")
         if not isinstance(seed, int):
-            raise DeepringError(
+            raise DataError(
                 f"{self.folder}: seed {seed!r} in its config; expected a whole number; "
                 "leave this folder out"
             )
@@ -77,7 +77,7 @@ class RunResult:
     run: Run
     result: Result
     setting: Mapping[str, Any]
-    """What made it."""
+    """The settings that made it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ Stated = tuple[Hashable, Run, Mapping[str, Any]]
 def results_at(run: Run, radius: float, method: str | None = None) -> list[Result]:
     """The run's results at a radius, of one method or of all.
 
-    Raises DeepringError where a case was not evaluated at it, or the method was not at all.
+    Raises DataError where a case was not evaluated at it, or the method was not at all.
     """
     cases: dict[Case | str, list[Result]] = {} if method is None else {method: []}
     for result in run.results:
@@ -117,7 +117,7 @@ def results_at(run: Run, radius: float, method: str | None = None) -> list[Resul
         right = [result for result in results if math.isclose(result.radius_m, radius)]
         if not right:
             known = ", ".join(f"{r:g}" for r in sorted({result.radius_m for result in results}))
-            raise DeepringError(
+            raise DataError(
                 f"radius {radius:g} m: no result of {case} in {run.folder}; radii evaluated "
                 f"there: {known or 'none'}; choose one of them with `radius`, or evaluate at this "
                 "radius (evaluation.radii)"
@@ -131,7 +131,7 @@ def seed_groups(
 ) -> list[SeedGroup]:
     """Results of one ``key`` as one row, in the order in which they come.
 
-    Raises DeepringError for no result, an unknown ``over``, and two results of one row and seed
+    Raises DataError for no result, an unknown ``over``, and two results of one row and seed
     that differ.
     """
     one_of("over", over, Over)
@@ -141,14 +141,14 @@ def seed_groups(
         other = groups.setdefault(key(each), {}).setdefault(seed, each)
         # Two sweeps may share a row; on one machine it comes out the same to the last digit.
         if _rates(other.result) != _rates(each.result):
-            raise DeepringError(
+            raise DataError(
                 f"{each.result.case}, seed {seed}: twice, with other figures: Recall@1 "
                 f"{other.result.recall_1} in {other.run.folder}, {each.result.recall_1} in "
                 f"{each.run.folder}; expected one run per seed; leave one of the two out of the "
                 "paths, or delete it"
             )
     if not groups:
-        raise DeepringError("runs: no result in any; expected at least one that has finished")
+        raise DataError("runs: no result in any; expected at least one that has finished")
     return [_group(by_seed, over) for by_seed in groups.values()]
 
 
@@ -161,14 +161,14 @@ def _group(by_seed: Mapping[int, RunResult], over: Over) -> SeedGroup:
 def comparable(runs: Sequence[Run], stated: Iterable[Stated], *, mix: bool) -> list[str]:
     """Notes on what stands beside each other: the code's versions, and what is mixed.
 
-    Raises DeepringError where runs state other values, without ``mix``; the key, its values and
+    Raises DataError where runs state other values, without ``mix``; the key, its values and
     both run folders are named.
     """
     clash = first_clash(stated)
     if clash is None:
         return _about_commits(runs)
     if not mix:
-        raise DeepringError(
+        raise DataError(
             f"{clash}; expected runs on the same data under the same protocol, and means over "
             "runs with the same settings, since they are compared with each other; give runs that "
             "agree, or `mix` to see them side by side"
@@ -191,7 +191,7 @@ def first_clash(stated: Iterable[Stated]) -> str | None:
 
 
 def counts(result: Result, where: str) -> dict[str, Any]:
-    """What a result counts, which must agree between those of one test and seed."""
+    """The counts of a result, which must agree for one test and seed."""
     names = ("database", "queries", "answerable")
     return {f"results {name}{where}": getattr(result, name) for name in names}
 
@@ -214,7 +214,7 @@ def same_seeds(rows: Iterable[SeedGroup]) -> bool:
 
 
 def about_means(seeds: Sequence[int]) -> str:
-    """What a value over these seeds is."""
+    """Describes a value over these seeds."""
     if len(seeds) == 1:
         return f"one run a row, seed {seeds[0]}"
     return f"mean ± sample standard deviation over the seeds {listed(seeds)}"
@@ -247,14 +247,14 @@ def mean_text(values: Collection[float], sign: str = "") -> str:
 
 
 def _repeated(key: str, flat: Mapping[str, Any]) -> bool:
-    """Whether the key says of the method's raster what the config says of all methods'."""
+    """Whether the key repeats for the method's raster what the config states for all methods."""
     common = key.removeprefix(_RASTER)
     of_all = common.startswith("preprocessing.") and common != key
     return of_all and frozen(flat.get(common)) == frozen(flat[key])
 
 
 def _rates(result: Result) -> tuple[float, ...]:
-    """What tells whether two results are the same one: the times are not among them."""
+    """The values that two equal results share; times are not among them."""
     return result.recall_1, result.recall_5, result.f1_max, result.auc
 
 

@@ -48,13 +48,13 @@ NORMALISATIONS: dict[str, Callable[[Tensor], Tensor]] = {
     "standard": lambda d: standardise(d) / (d.shape[-2] * d.shape[-1]) ** 0.5,
     "none": lambda d: d,
 }
-"""Of a descriptor before it is correlated: unit norm; zero mean and unit norm; as it is.
+"""Normalisations of a descriptor: unit norm; zero mean and unit norm; none.
 
 Both are taken over the weighted half spectrum. For the norm that is the full one's; the mean of
 'standard' is a choice of its own."""
 
 SIMILARITIES = ("correlation", "l2", "cosine")
-"""Of two descriptors: correlation at the best rotation, or a distance that knows of none."""
+"""Similarities of two descriptors: correlation at the best rotation, or a distance without one."""
 
 _PERIOD = {"full": 2 * math.pi, "half": math.pi}
 
@@ -89,7 +89,7 @@ class AggregationSettings(PlainSettings):
 
 @dataclass(frozen=True)
 class SimilaritySettings(PlainSettings):
-    """What compares two descriptors, and how a descriptor is normalised before."""
+    """The comparison of two descriptors, and their normalisation before it."""
 
     kind: str = "correlation"
     normalisation: str = "unit"

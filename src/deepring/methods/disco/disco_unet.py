@@ -8,7 +8,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError
 from deepring.nn.circular import CircularConv2d, circular_upsample
 from deepring.nn.unet import UNet
 
@@ -32,7 +32,7 @@ class DiscoUNet(UNet):
             through exactly.
 
     Raises:
-        DeepringError: no level or no channel, another padding, an image the stride cannot halve.
+        ConfigError: no level or no channel, another padding, an image the stride cannot halve.
     """
 
     def __init__(
@@ -42,11 +42,11 @@ class DiscoUNet(UNet):
         padding: PolarPadding = "zero",
     ) -> None:
         if not widths or min(widths) < 1:
-            raise DeepringError(
+            raise ConfigError(
                 f"disco.widths: {list(widths)}, expected at least one level, each above 0"
             )
         if padding not in ("zero", "circular"):
-            raise DeepringError(f"disco.padding: {padding!r}, expected 'zero' or 'circular'")
+            raise ConfigError(f"disco.padding: {padding!r}, expected 'zero' or 'circular'")
         super().__init__(
             "disco.widths",
             widths,

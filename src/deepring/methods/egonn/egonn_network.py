@@ -12,7 +12,7 @@ import torch.nn.functional as F
 from jaxtyping import Float, Shaped
 from torch import Tensor, nn
 
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError, DataError
 from deepring.nn import sparse
 from deepring.nn.sparse import Grid, PointNorm, SparseTensor, SubmanifoldConv
 from deepring.rasters.voxels import PADDING, sectors_of
@@ -24,18 +24,18 @@ WIDTHS = (32, 64, 64, 128, 128, 128, 128)
 
 
 def voxel_grid(voxels: Voxels, wrap: int | None = None) -> Grid:
-    """The grid of a batch of scans; DeepringError where a scan is empty or not (m, 3) integers."""
+    """The grid of a batch of scans; DataError where a scan is empty or not (m, 3) integers."""
     if isinstance(voxels, Tensor):
         filled = voxels[..., 0] != PADDING
         voxels = [scan[rows] for scan, rows in zip(voxels, filled, strict=True)]
     for k, scan in enumerate(voxels):
         if scan.is_floating_point() or scan.shape[1:] != (3,) or not len(scan):
-            raise DeepringError(
+            raise DataError(
                 f"voxels: scan {k} is {tuple(scan.shape)} {scan.dtype}, expected (m, 3) integers "
                 "(θ, r, z), at least one; leave empty scans out"
             )
     if not len(voxels):
-        raise DeepringError("voxels: no scan, expected one or more")
+        raise DataError("voxels: no scan, expected one or more")
     sites = torch.cat([F.pad(scan.long(), (1, 0), value=k) for k, scan in enumerate(voxels)])
     return Grid(sites, wrap=wrap, batch=len(voxels))
 
@@ -98,7 +98,7 @@ class Trunk(nn.Module):
     def __init__(self, in_channels: int = 1, widths: Sequence[int] = WIDTHS) -> None:
         super().__init__()
         if not widths or min(widths) < 1:
-            raise DeepringError(f"egonn.widths: {list(widths)}, expected positive numbers")
+            raise ConfigError(f"egonn.widths: {list(widths)}, expected positive numbers")
         sources = [widths[0], *widths[:-1]]
         self.stem = nn.Sequential(SubmanifoldConv(in_channels, widths[0], 5), PointNorm(widths[0]))
         self.down = nn.ModuleList(
@@ -128,7 +128,7 @@ class TopDown(nn.Module):
         super().__init__()
         low, high = self.low, self.high = min(levels, default=0), max(levels, default=0)
         if list(levels) != list(range(low, high + 1)) or not 1 <= low <= high <= len(widths):
-            raise DeepringError(
+            raise ConfigError(
                 f"egonn.levels: {list(levels)}, expected consecutive ones of 1 to {len(widths)}"
             )
         self.lateral = nn.ModuleDict(
@@ -218,7 +218,7 @@ class EgoNN(nn.Module):
         super().__init__()
         sectors = sectors_of(steps[0])
         if close_theta and sectors % 2 ** len(widths):
-            raise DeepringError(
+            raise ConfigError(
                 f"egonn.steps: {steps[0]!r} degrees are {sectors} sectors; expected a multiple of "
                 f"{2 ** len(widths)} to close θ over {len(widths)} levels"
             )
