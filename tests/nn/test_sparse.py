@@ -8,13 +8,13 @@ import torch.nn.functional as F
 
 from deepring.errors import DeepringError
 from deepring.nn.sparse import (
-    Grid,
     PointNorm,
     SparseTensor,
     StridedConv,
     SubmanifoldConv,
     TransposedConv,
 )
+from deepring.nn.sparse_grid import Grid
 
 SHAPE = (3, 8, 12, 10)  # batch, θ, r, z
 

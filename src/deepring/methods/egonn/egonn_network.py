@@ -14,7 +14,8 @@ from torch import Tensor, nn
 
 from deepring.errors import ConfigError, DataError
 from deepring.nn import sparse
-from deepring.nn.sparse import Grid, PointNorm, SparseTensor, SubmanifoldConv
+from deepring.nn.sparse import PointNorm, SparseTensor, SubmanifoldConv
+from deepring.nn.sparse_grid import Grid
 from deepring.rasters.voxels import PADDING, sectors_of
 
 Voxels = Sequence[Shaped[Tensor, "..."]] | Shaped[Tensor, "..."]

@@ -1,0 +1,160 @@
+"""The occupied voxels of a batch of scans: sites, and which of them a kernel joins.
+
+Sites are integer coordinates (batch, θ, r, z), kept sorted. A kernel map lists which input site
+feeds which output site at each offset of a kernel; it depends only on the sites and is built once
+for all layers of one stride. Source: Choy et al., "4D Spatio-Temporal ConvNets", CVPR 2019, Sec. 3.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from jaxtyping import Int64, Shaped
+from torch import Tensor
+
+from deepring.errors import ConfigError, DataError
+
+
+@dataclass(frozen=True, eq=False)
+class KernelMap:
+    """Pairs (offset, output rows, input rows), each row at most once per offset."""
+
+    outputs: int
+    pairs: tuple[tuple[int, Int64[Tensor, " _"], Int64[Tensor, " _"]], ...]
+    centre: int | None = None  # the offset from each row to itself, without pairs
+
+    def transposed(self, outputs: int) -> "KernelMap":
+        """The same pairs in the opposite direction."""
+        return KernelMap(outputs, tuple((k, b, a) for k, a, b in self.pairs))
+
+
+def _keys(
+    coordinates: Int64[Tensor, "n 4"], low: list[int], high: list[int]
+) -> Int64[Tensor, " n"]:
+    """One int64 per site, in the order of the coordinates, which are from ``low`` to ``high``."""
+    keys = coordinates[:, 0] - low[0]
+    for axis in (1, 2, 3):
+        keys = keys * (high[axis] - low[axis] + 1) + (coordinates[:, axis] - low[axis])
+    return keys
+
+
+def _column(
+    keys: Tensor, targets: Tensor, at: Tensor, offset: int, layers: int
+) -> Iterator[tuple[int, Tensor, Tensor]]:
+    """Pairs of ``layers`` consecutive offsets in z, starting at the rows of the first."""
+    hits, rows = [], []
+    for k in range(layers):
+        hits.append(keys[at] == targets + k)
+        rows.append(at)
+        at = at + hits[-1]
+    if not hits:
+        return
+    matches = torch.stack(hits)
+    layer, outputs = matches.nonzero(as_tuple=True)
+    inputs = torch.stack(rows)[layer, outputs]
+    sizes: list[int] = matches.sum(1).tolist()
+    runs = zip(torch.split(outputs, sizes), torch.split(inputs, sizes), strict=True)
+    yield from ((offset + k, a, b) for k, (a, b) in enumerate(runs) if len(a))
+
+
+class Grid:
+    """The occupied sites of a batch at one stride, with the kernel maps over them.
+
+    Args:
+        coordinates: (n, 4) integer (batch, θ, r, z), units of the stride, unique; any order.
+        stride: size of a site in voxels.
+        wrap: sectors per turn at this stride, if θ wraps; None does not wrap, as in EgoNN.
+        batch: number of scans; by default the largest batch index plus one.
+
+    Raises:
+        DataError: a scan without sites, repeated sites, or θ outside [0, wrap).
+    """
+
+    def __init__(
+        self,
+        coordinates: Shaped[Tensor, "..."],
+        stride: int = 1,
+        wrap: int | None = None,
+        batch: int | None = None,
+    ) -> None:
+        shape = tuple(coordinates.shape)
+        if coordinates.is_floating_point() or shape[1:] != (4,) or not shape[0]:
+            raise DataError(
+                f"coordinates: {shape} {coordinates.dtype}, expected (n, 4) integers "
+                "(batch, θ, r, z), n >= 1"
+            )
+        coordinates = coordinates.long()
+        low, high = torch.stack([coordinates.amin(0), coordinates.amax(0)]).tolist()
+        if wrap is not None and not 0 <= low[1] <= high[1] < wrap:
+            raise DataError(
+                f"coordinates: θ from {low[1]} to {high[1]}, expected 0 to {wrap - 1}, one turn"
+            )
+        self._low, self._high, self.stride, self.wrap = low, high, stride, wrap
+        keys, self.order = _keys(coordinates, low, high).sort()
+        self.coordinates = coordinates[self.order]
+        self._neighbours: dict[int, KernelMap] = {}
+        counts = torch.bincount(self.coordinates[:, 0], minlength=batch or 0)
+        repeated = (keys[1:] == keys[:-1]).sum()
+        self.counts: list[int]
+        *self.counts, again = torch.cat([counts, repeated[None]]).tolist()
+        if again or 0 in self.counts:
+            raise DataError(
+                f"coordinates: {again} repeated voxels, {self.counts} voxels in the scans of the "
+                "batch; expected none repeated and one or more in each scan"
+            )
+
+    def __len__(self) -> int:
+        return len(self.coordinates)
+
+    def neighbours(self, kernel: int) -> KernelMap:
+        """The map of a stride-1 convolution with an odd kernel, from the sites to themselves."""
+        if kernel not in self._neighbours:
+            pairs = tuple(self._search(kernel))
+            self._neighbours[kernel] = KernelMap(len(self), pairs, centre=kernel**3 // 2)
+        return self._neighbours[kernel]
+
+    def _search(self, kernel: int) -> Iterator[tuple[int, Tensor, Tensor]]:
+        """Search half of the offsets; the other half are the same pairs mirrored.
+
+        The sites of one column (dθ, dr) are consecutive: one search finds the lowest dz, and each
+        further dz is the same row or the next.
+        """
+        reach = kernel // 2
+        # A margin that stays empty keeps the end of one axis from meeting the start of the next.
+        low = [value - reach for value in self._low]
+        high = [value + reach for value in self._high]
+        if self.wrap is not None:
+            low[1], high[1] = 0, self.wrap - 1
+        keys = _keys(self.coordinates, low, high)
+        ends = torch.cat([keys, keys.new_full((1,), torch.iinfo(torch.int64).max)])
+        for sector in range(reach + 1):
+            for ring in range(-reach if sector else 0, reach + 1):
+                first = -reach if sector or ring else 1
+                sites = self.coordinates + self.coordinates.new_tensor([0, sector, ring, first])
+                if self.wrap is not None:
+                    sites[:, 1] %= self.wrap
+                targets = _keys(sites, low, high)
+                at = torch.searchsorted(keys, targets)
+                offset = ((sector + reach) * kernel + ring + reach) * kernel + first + reach
+                for k, a, b in _column(ends, targets, at, offset, reach + 1 - first):
+                    yield k, a, b
+                    yield kernel**3 - 1 - k, b, a
+
+    @cached_property
+    def coarser(self) -> tuple["Grid", KernelMap]:
+        """The sites at twice the stride, floor(c / 2), and the map from this grid to that one."""
+        if self.wrap is not None and self.wrap % 2:
+            raise ConfigError(f"wrap: {self.wrap} sectors at stride {self.stride}, expected even")
+        parents = self.coordinates.clone()
+        parents[:, 1:] = parents[:, 1:].div(2, rounding_mode="floor")
+        low, high = ([v[0], *(c // 2 for c in v[1:])] for v in (self._low, self._high))
+        _, rows = torch.unique(_keys(parents, low, high), return_inverse=True)
+        sites = parents.new_empty((int(rows.max()) + 1, 4)).index_copy_(0, rows, parents)
+        grid = Grid(sites, 2 * self.stride, self.wrap and self.wrap // 2, len(self.counts))
+        theta, ring, layer = (self.coordinates - 2 * parents)[:, 1:].unbind(1)
+        offset, children = ((theta * 2 + ring) * 2 + layer).sort(stable=True)
+        sizes = torch.bincount(offset, minlength=8).tolist()
+        runs = zip(torch.split(rows[children], sizes), torch.split(children, sizes), strict=True)
+        pairs = tuple((k, a, b) for k, (a, b) in enumerate(runs) if len(a))
+        return grid, KernelMap(len(grid), pairs)
