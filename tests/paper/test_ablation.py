@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from deepring.errors import DeepringError
 from deepring.evaluation.case import Case
 from deepring.evaluation.results import Result
-from deepring.paper.ablation import ablation_tables, collect_rows
+from deepring.paper.ablation import ablation_tables
+from deepring.paper.ablation_results import collect_rows
 from deepring.paper.ablation_tables import number_table, shown_table
 from deepring.paper.seed_groups import Run, mean_text, varied
 

@@ -3,13 +3,13 @@
 A sweep that varies something else gets one table, whose columns are the keys it varies.
 """
 
-import re
 import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from deepring.evaluation.metrics import Over
+from deepring.paper.ablation_results import PROTOCOL, collect_rows
 from deepring.paper.flat import frozen
 from deepring.paper.paper_values import (
     AGGREGATIONS,
@@ -23,18 +23,11 @@ from deepring.paper.paper_values import (
     paper_recall_at_ways,
 )
 from deepring.paper.seed_groups import (
-    HEADLINE,
     Run,
-    RunResult,
     SeedGroup,
     about_lacking,
     about_means,
-    comparable,
-    counts,
-    first_clash,
-    results_at,
     sample_deviation,
-    seed_groups,
     seeds_of,
     varied,
 )
@@ -42,19 +35,12 @@ from deepring.reports.table import NONE
 
 Name = Literal["table3", "table4", "ablation"]
 
-#: The name of the trained network in the results of a training run.
-TRAINED = "DeepRING"
-
 #: The headers of the first column of Table III and of Table IV.
 GROUP, CLASSES = "Ablation", "No. Class"
 
 #: The headers of a row's components.
 COMPONENTS = ("Input", "Aggregation", "Loss")
 _GROUPS = ("Representation", "Aggregation", "Loss", "Ours")
-
-#: What must agree between runs that are compared. Where the data lie may go with the seed.
-_ROOT = re.compile(r"(data|(train|test)_data\.[^.]+)\.root")
-_PROTOCOL = re.compile(r"(data|train_data|test_data|preprocessing|evaluation)\..*")
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,61 +118,6 @@ def ablation_tables(
     ]
 
 
-def collect_rows(
-    runs: Sequence[Run], radius: float = 10.0, over: Over = "answerable", *, mix: bool = False
-) -> tuple[list[SeedGroup], list[str]]:
-    """Runs that differ in nothing but the seed as one row, and what is to be said of them.
-
-    Args:
-        runs: finished runs, each with a result of the trained network.
-        radius: metres; the results at this radius are taken.
-        over: recall as the share of the answerable queries, or of all.
-        mix: let runs on different data or under different protocols stand beside each other.
-
-    Raises:
-        DeepringError: no run, no result at this radius, an unknown ``over``, two runs of one row
-            and seed with other results, or, without ``mix``, runs whose data or protocols differ;
-            the key, its values and both run folders are named.
-    """
-    results = [
-        RunResult(run, result, _setting(run))
-        for run in runs
-        for result in results_at(run, radius, TRAINED)
-    ]
-    protocols, roots, counted = [], [], []
-    for each in results:
-        run, seed = each.run, f" (seed {each.run.seed})"
-        protocol = _protocol(each)
-        protocols.append(("protocol", run, protocol))
-        places = {f"{k}{seed}": v for k, v in each.setting.items() if _ROOT.fullmatch(k)}
-        # Mixed, places and counts are held against each other under one protocol alone.
-        group = (seed, frozen(protocol) if mix else "")
-        roots.append((("roots", *group), run, places))
-        case = each.result.case
-        tested = {f"results test{seed}": case.test, f"results region{seed}": case.region}
-        counted.append((("counts", *group), run, tested | counts(each.result, seed)))
-    notes = comparable(runs, [*protocols, *roots, *counted], mix=mix)
-    if first_clash(roots) is None:
-        results = [replace(each, setting=_without_roots(each)) for each in results]
-    return seed_groups(results, over, lambda each: frozen(each.setting)), notes
-
-
-def _setting(run: Run) -> dict[str, Any]:
-    setting = run.setting
-    # The other radii are counted besides, and change nothing.
-    radii = setting.pop("evaluation.radii", None)
-    return setting | {HEADLINE: radii[0]} if radii else setting
-
-
-def _without_roots(result: RunResult) -> dict[str, Any]:
-    return {key: value for key, value in result.setting.items() if not _ROOT.fullmatch(key)}
-
-
-def _protocol(result: RunResult) -> dict[str, Any]:
-    setting = _without_roots(result)
-    return {key: value for key, value in setting.items() if _PROTOCOL.fullmatch(key)}
-
-
 def _split(rows: Sequence[SeedGroup]) -> tuple[list[SeedGroup], list[SeedGroup]]:
     """The rows of Table IV, none where it is none, and those of the other table.
 
@@ -210,7 +141,7 @@ def _component_entries(rows: Sequence[SeedGroup]) -> list[Entry]:
         kinds.setdefault(components(row), []).append(row)
     # A key that follows from the components tells nothing that these do not.
     within = {key for alike in kinds.values() for key in varied(alike)}
-    keys = [key for key in varied(rows) if key in within or _PROTOCOL.fullmatch(key)]
+    keys = [key for key in varied(rows) if key in within or PROTOCOL.fullmatch(key)]
 
     def place(row: SeedGroup) -> Any:
         own = components(row)
