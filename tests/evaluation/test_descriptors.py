@@ -33,10 +33,7 @@ def example(n=4, **changes):
         "descriptors": rng.normal(size=(n, 3, 2)).astype(np.float32),
         "positions": rng.normal(size=(n, 2)) + 4037591.0,
         "indices": np.arange(n) * 7,
-        "method": "RING",
-        "train": "",
-        "test": "sim",
-        "region": "test",
+        "case": Case("RING", "", "sim", "test"),
         "side": "query",
         "session": "2031-02-04",
         "made_by": MADE_BY,
@@ -87,7 +84,8 @@ def any_descriptors(draw):
         positions=draw(arrays.arrays(np.float64, (n, 2), elements=finite)),
         indices=draw(arrays.arrays(np.int64, n)),
         turns=draw(arrays.arrays(np.float64, n, elements=finite)) if turned else None,
-        **{name: draw(names) for name in ("method", "train", "test", "region", "session")},
+        case=Case(*(draw(names) for _ in range(4))),
+        session=draw(names),
         side=draw(st.sampled_from(["database", "query"])),
         made_by=draw(st.dictionaries(names, plain, max_size=4)),
         ground_z=draw(finite),
@@ -140,7 +138,7 @@ def test_a_path_that_cannot_be_written_is_refused(tmp_path):
     ("changes", "message"),
     [
         ({"side": "both"}, "side: 'both', expected one of database, query"),
-        ({"method": "two\nlines"}, r"method: 'two\\nlines', expected text without control"),
+        ({"session": "two\nlines"}, r"session: 'two\\nlines', expected text without control"),
         ({"ground_z": math.nan}, "ground_z: nan, expected a finite number of metres"),
         ({"seconds_per_scan": -1.0}, r"seconds_per_scan: -1\.0, expected .* at least 0"),
         ({"descriptors": np.zeros((4, 2))}, "tensor descriptors: float64 of .* expected float32"),
@@ -274,14 +272,14 @@ def test_file_names_tell_method_test_region_and_side():
 
 
 def test_a_file_makes_way_for_one_of_the_same_case_alone(tmp_path):
-    ours = example(method="Scan Context")
+    ours = example(case=Case("Scan Context", "", "sim", "test"))
     path = free_path(tmp_path, ours.case, "query")
     assert path == tmp_path / "Scan_Context__sim__test__query.safetensors"
     write_descriptors(path, ours)
     assert free_path(tmp_path, ours.case, "query") == path
     for changes in ({"method": "Scan/Context"}, {"train": "city"}):
         with pytest.raises(DeepringError, match=r"query\.safetensors: holds the descriptors of"):
-            free_path(tmp_path, replace(ours, **changes).case, "query")
+            free_path(tmp_path, replace(ours.case, **changes), "query")
     path.write_text("precious")
     with pytest.raises(DeepringError, match=r"or delete it: descriptors are written to this path"):
         free_path(tmp_path, ours.case, "query")

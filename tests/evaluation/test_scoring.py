@@ -161,7 +161,8 @@ def test_a_method_that_did_not_make_them_is_refused(exported):
 @pytest.mark.parametrize("key", ["test", "region", "method", "train"])
 def test_sides_of_two_tests_are_refused(key, exported):
     ring, *_, query, database = exported("ring")
-    refuses(f"{key} is '.*' for the query and 'x'", ring, query, replace(database, **{key: "x"}))
+    other = replace(database, case=replace(database.case, **{key: "x"}))
+    refuses(f"{key} is '.*' for the query and 'x'", ring, query, other)
 
 
 def test_sides_in_the_wrong_place_and_of_other_shapes_are_refused(exported):

@@ -29,19 +29,14 @@ _ARRAYS = {
     "indices": TensorType("int64", ("n",)),
     "turns": TensorType("float64", ("n",), optional=True),
 }
-_TEXTS = ("method", "train", "test", "region", "session")
 
 
 @dataclass(frozen=True)
 class DescriptorHeader:
     """Origin of the descriptors of one side of a retrieval task."""
 
-    method: str
-    """Label of the method in tables."""
-    train: str
-    """Datasets it was trained on; empty for a method without training."""
-    test: str
-    region: str
+    case: Case
+    """The method, and where it was tested."""
     side: SideName
     session: str
     made_by: dict[str, Any]
@@ -50,11 +45,6 @@ class DescriptorHeader:
     """z of the ground under the sensor in the scans' frame, metres."""
     seconds_per_scan: float
     """From points to descriptor, measured on the queries when these were exported."""
-
-    @property
-    def case(self) -> Case:
-        """The method, and where it was tested."""
-        return Case(self.method, self.train, self.test, self.region)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +67,14 @@ class DescriptorSet(DescriptorHeader):
 
     def __post_init__(self) -> None:
         checks.one_of("side", self.side, SideName)
-        for name in _TEXTS:
-            text = getattr(self, name)
-            if not (isinstance(text, str) and text.isprintable()):
-                raise ConfigError(f"{name}: {text!r}, expected text without control characters")
+        if not (isinstance(self.session, str) and self.session.isprintable()):
+            raise ConfigError(
+                f"session: {self.session!r}, expected text without control characters"
+            )
         checks.number("ground_z", self.ground_z, "metres")
         checks.at_least("seconds_per_scan", self.seconds_per_scan, 0, "seconds")
-        where = f"{self.test}, region {self.region}, {self.side}"
+        task = f"{self.case.test}, region {self.case.region}"
+        where = f"{task}, {self.side}"
         try:
             check_tensors(self.arrays, _ARRAYS)
         except DataError as error:
@@ -92,10 +83,7 @@ class DescriptorSet(DescriptorHeader):
             ) from None
         if not len(self):
             scans = "places" if self.side == "database" else "scans"
-            raise DataError(
-                f"{self.test}, region {self.region}: the {self.side} holds 0 {scans}; expected at "
-                "least one"
-            )
+            raise DataError(f"{task}: the {self.side} holds 0 {scans}; expected at least one")
         for name, array in self.arrays.items():
             bad = int((~np.isfinite(array)).sum())
             if bad:

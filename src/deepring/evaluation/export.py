@@ -43,7 +43,7 @@ class Export:
                 positions=scans.positions,
                 indices=scans.indices,
                 turns=scans.turns,
-                **self.case.columns,
+                case=self.case,
                 side=side,
                 session=scans.session.name,
                 made_by=self.made_by,

@@ -182,4 +182,5 @@ def _check_method(method: Method, descriptors: DescriptorSet) -> None:
 
 
 def _title(descriptors: DescriptorSet) -> str:
-    return f"descriptors of {descriptors.method} on {descriptors.test}, {descriptors.region}"
+    case = descriptors.case
+    return f"descriptors of {case.method} on {case.test}, {case.region}"
