@@ -126,7 +126,7 @@ def test_kept_descriptors_carry_what_they_were_made_of(crossing, tmp_path):
     train(cfg, tmp_path / "run")
     path = tmp_path / "run" / "descriptors" / "DeepRING__sim_mulran__test__query.safetensors"
     kept = read_descriptors(path)
-    assert kept.train == "sim_nclt"
+    assert kept.case.train == "sim_nclt"
     assert kept.made_by["settings"]["representation"]["pool"] == 2
 
 
