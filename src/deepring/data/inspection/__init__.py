@@ -1,0 +1,1 @@
+"""What is doubtful or wrong about a dataset, found by looking at its values."""
