@@ -318,7 +318,8 @@ def test_what_is_wrong_is_said(tmp_path, lines, words):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "a header without a line DATA"),
+        (b"", "0 bytes, an empty file"),
+        (b"#", "a header without a line DATA"),
         (b"\x89PNG\r\n\x1a\n\0\0", "the header line"),
         (encoded(FIELDS, ROWS, "binary").replace(b"DATA binary", b"DATA zip"), "DATA zip, not"),
         (encoded(FIELDS, ROWS, "binary_compressed")[:-1], r"\d+ bytes of compressed points, not"),
