@@ -152,7 +152,8 @@ def _scalar_first(poses: Poses) -> Poses:
     return turned
 
 
-def _opposite_turns(poses: Poses) -> Poses:
+def opposite_turns(poses: Poses) -> Poses:
+    """The poses with inverse rotations."""
     turned = poses.copy()
     turned[:, :3, :3] = poses[:, :3, :3].transpose(0, 2, 1)
     return turned
@@ -179,7 +180,7 @@ READINGS = (
         "poses with inverse rotations",
         "invert the rotations, or the sign of the yaw, or swap x and y back: expected are "
         "rotations scan to world, counter-clockwise positive, with z up",
-        _opposite_turns,
+        opposite_turns,
     ),
     Reading(
         "poses in a world with z down",

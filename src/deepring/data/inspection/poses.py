@@ -4,6 +4,7 @@ import numpy as np
 
 from deepring.data.inspection.finding import Finding
 from deepring.data.inspection.motion import READINGS, Motion, Reading, measure_motion
+from deepring.data.inspection.overlays import check_overlays
 from deepring.data.poses.pose_tables import NANOSECONDS
 from deepring.data.session import Session
 
@@ -215,6 +216,6 @@ def _without_pose(session: Session) -> list[Finding]:
     ]
 
 
-def overlay_findings(session: Session) -> list[Finding]:  # noqa: ARG001
-    """Doubts about the poses of a session from a few pairs of its scans, overlaid by them."""
-    return []
+def overlay_findings(session: Session) -> list[Finding]:
+    """Doubts about the poses of a session from a few pairs of its scans; see `check_overlays`."""
+    return check_overlays(session).findings
