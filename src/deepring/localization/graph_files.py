@@ -7,6 +7,7 @@ from dataclasses import asdict
 import numpy as np
 
 from deepring.core.rigid import yaw_of
+from deepring.data.poses.stamps import NANOSECONDS, seconds_text
 from deepring.localization.loops import LoopGraph
 
 #: Standard deviations of the edges, metres and degrees.
@@ -33,15 +34,16 @@ def g2o_lines(graph: LoopGraph) -> Iterator[str]:
 def tum_lines(graph: LoopGraph) -> Iterator[str]:
     """The keyframes' poses in TUM's format: seconds x y z qx qy qz qw.
 
-    Without stamps, the seconds are the number of the keyframe.
+    Stamps are exact to the nanosecond. Without, the seconds are the number of the keyframe.
     """
     from scipy.spatial.transform import Rotation
 
-    seconds = np.arange(len(graph.poses)) if graph.stamps is None else graph.stamps / 1e9
+    n = len(graph.poses)
+    stamps = np.arange(n) * NANOSECONDS if graph.stamps is None else graph.stamps
     turns = Rotation.from_matrix(graph.poses[:, :3, :3]).as_quat()
-    for at, pose, turn in zip(seconds, graph.poses, turns, strict=True):
+    for stamp, pose, turn in zip(stamps, graph.poses, turns, strict=True):
         numbers = " ".join(f"{value:.9f}" for value in (*pose[:3, 3], *turn))
-        yield f"{at:.9f} {numbers}"
+        yield f"{seconds_text(stamp)} {numbers}"
 
 
 def json_text(graph: LoopGraph) -> str:

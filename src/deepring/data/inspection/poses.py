@@ -5,7 +5,7 @@ import numpy as np
 from deepring.data.inspection.finding import Finding
 from deepring.data.inspection.motion import READINGS, Motion, Reading, measure_motion
 from deepring.data.inspection.overlays import check_overlays
-from deepring.data.poses.pose_tables import NANOSECONDS
+from deepring.data.poses.stamps import NANOSECONDS
 from deepring.data.session import Session
 
 #: Degrees. Vehicles and robots tilt by a few degrees, a LiDAR carried by hand by up to some 30.
