@@ -47,11 +47,15 @@ def tum_lines(graph: LoopGraph) -> Iterator[str]:
 
 
 def json_text(graph: LoopGraph) -> str:
-    """Keyframes as numbers of their scans, and the loops; a ratio without a rival is null."""
+    """Keyframes as numbers of their scans, their stamps in nanoseconds or null, and the loops.
+
+    A ratio without a rival is null.
+    """
     loops = [asdict(loop) for loop in graph.loops]
     for loop in loops:
         loop["ratio"] = loop["ratio"] if np.isfinite(loop["ratio"]) else None
-    return json.dumps({"scans": graph.scans.tolist(), "loops": loops}, indent=1)
+    stamps = None if graph.stamps is None else graph.stamps.tolist()
+    return json.dumps({"scans": graph.scans.tolist(), "stamps": stamps, "loops": loops}, indent=1)
 
 
 def _edge(

@@ -136,14 +136,21 @@ def poses_from_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 def poses_from_quaternions(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """Poses (n, 4, 4) from TUM rows (n, 7): x, y, z and a quaternion qx, qy, qz, qw.
 
-    Rows become NaN if the quaternion is not of length 1 to within rounding; see `unit_rows`.
+    A quaternion that is not of length 1 to within rounding, see `unit_rows`, gives a rotation
+    scaled by its length, which `rigid_rows` does not accept.
     """
     from scipy.spatial.transform import Rotation
 
-    poses = np.full((len(rows), 4, 4), np.nan)
-    unit = unit_rows(rows[:, 3:])
-    if unit.any():
-        poses[unit, :3, :3] = Rotation.from_quat(rows[unit, 3:]).as_matrix()
-        poses[unit, :3, 3] = rows[unit, :3]
-        poses[unit, 3] = [0, 0, 0, 1]
+    quaternions = rows[:, 3:]
+    unit = unit_rows(quaternions)
+    with np.errstate(over="ignore", invalid="ignore"):
+        lengths = np.where(unit, 1.0, np.linalg.norm(quaternions, axis=1))
+    turned = np.isfinite(lengths) & (lengths > 0)
+    poses = np.zeros((len(rows), 4, 4))
+    if turned.any():
+        rotations = Rotation.from_quat(quaternions[turned]).as_matrix()
+        poses[turned, :3, :3] = rotations * lengths[turned, None, None]
+    poses[~np.isfinite(lengths), :3, :3] = np.nan
+    poses[:, :3, 3] = rows[:, :3]
+    poses[:, 3, 3] = 1.0
     return poses

@@ -15,7 +15,7 @@ from deepring.data.poses.pose_tables import (
     read_table,
     stamped_rows,
 )
-from deepring.data.poses.rigid import rigid_rows, rotation_problem, unit_rows
+from deepring.data.poses.rigid import rigid_rows, rotation_problem
 from deepring.data.poses.stamps import seconds_text
 from deepring.data.readers import binary_formats
 from deepring.data.readers.custom.custom_scans import UP, CustomScans
@@ -172,13 +172,7 @@ def _tum(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
             f"{path}: stamp {seconds_text(stamps[k + 1])} follows {seconds_text(stamps[k])}; "
             "expected seconds in ascending order, that of the scans' names"
         )
-    poses = poses_from_quaternions(values)
-    bad = np.flatnonzero(~unit_rows(values[:, 3:]))
-    if len(bad):
-        length = float(np.linalg.norm(values[bad[0], 3:]))
-        reason = f"its quaternion has length {length:.6g}, expected 1"
-        raise _not_rigid(path, len(poses), bad, reason)
-    return _rigid(poses, path), stamps
+    return _rigid(poses_from_quaternions(values), path), stamps
 
 
 def _expect_upright(poses: NDArray[np.float64], drive: DriveDescription) -> None:
@@ -196,15 +190,11 @@ def _expect_upright(poses: NDArray[np.float64], drive: DriveDescription) -> None
 def _rigid(poses: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
     bad = np.flatnonzero(~rigid_rows(poses))
     if len(bad):
-        raise _not_rigid(path, len(poses), bad, rotation_problem(poses[bad[0]]))
+        raise DataError(
+            f"{path}: pose {bad[0] + 1} of {len(poses)} is not rigid ({len(bad)} are not): "
+            f"{rotation_problem(poses[bad[0]])}. Check pose_format, or remove the pose and its scan"
+        )
     return poses
-
-
-def _not_rigid(path: Path, count: int, bad: NDArray[np.intp], reason: str) -> DataError:
-    return DataError(
-        f"{path}: pose {bad[0] + 1} of {count} is not rigid ({len(bad)} are not): {reason}. Check "
-        "pose_format, or remove the pose and its scan"
-    )
 
 
 def _is(path: Path, kind: str) -> bool:
