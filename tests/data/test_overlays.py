@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.inspection.motion import inverse_poses
-from deepring.data.inspection.overlays import FARTHEST, check_overlays
+from deepring.data.inspection.overlays import check_overlays
 from deepring.data.inspection.poses import overlay_findings
 from deepring.data.inspection.registration import (
     Planar,
@@ -20,6 +20,7 @@ from deepring.data.inspection.registration import (
     register,
     standing_cells,
 )
+from deepring.data.inspection.scan_pairs import FARTHEST
 from deepring.data.readers.kitti import open_kitti
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError
@@ -214,10 +215,10 @@ def test_registration_finds_the_pose_of_a_scan(x, y, yaw, expected, tilted):
     second = first @ pose_from(rotation_from_rpy(0, 0, yaw) @ tilt, [x, y, 0])
     truth = planar_between(first, second)
     a, b = (standing_cells(scan(pose, k), pose) for k, pose in enumerate((first, second)))
-    found, clear, _ = register(a, b, Planar(0.0, 0.0, expected))
-    assert clear
-    assert found.distance(truth) < 0.7
-    assert found.turn(truth) < 3.1
+    best = register(a, b, Planar(0.0, 0.0, expected))
+    assert best.clear
+    assert best.found.distance(truth) < 0.7
+    assert best.found.turn(truth) < 3.1
     assert fit_of(a, b, truth) > 0.9
 
 

@@ -10,6 +10,11 @@ from numpy.typing import NDArray
 #: Metres. Shorter legs of a path are mostly noise; between the ends of longer ones it may turn.
 LEG, LONGEST_LEG = 2.0, 20.0
 
+#: Degrees. Vehicles and robots tilt by a few degrees, a LiDAR carried by hand by up to some 30.
+MOST_TILT = 35.0
+#: Entries of R Rᵀ differ from the identity by less, whatever the rounding of the file.
+NEARLY = 0.03
+
 Poses = NDArray[np.float64]
 """(n, 4, 4), world <- scan."""
 
@@ -36,12 +41,31 @@ class Motion:
     @property
     def off_plane(self) -> float:
         """Degrees between the plane of the motion and the horizontal; 0 if it has no plane."""
-        return 0.0 if self.normal is None else _degrees(abs(self.normal[2]))
+        return 0.0 if self.normal is None else _degrees(abs(float(self.normal[2])))
+
+
+def measurable_rows(poses: Poses) -> NDArray[np.bool_]:
+    """Mask (n,) of the poses that are numbers of at most 1e12 m and nearly rotations."""
+    finite: NDArray[np.bool_] = (np.abs(poses) < 1e12).all(axis=(1, 2))  # False for NaN
+    rotations = np.where(finite[:, None, None], poses[:, :3, :3], 0.0).clip(-2, 2)
+    product = np.einsum("nij,nkj->nik", rotations, rotations)
+    near = (np.abs(product - np.eye(3)) < NEARLY).all(axis=(1, 2))
+    return np.asarray(finite & near, dtype=np.bool_)
+
+
+def measurable(poses: Poses) -> bool:
+    """Whether all poses are `measurable_rows`."""
+    return bool(measurable_rows(poses).all())
+
+
+def median_tilt(poses: Poses) -> float:
+    """Degrees between the scans' z and the world's, median of poses (n, 4, 4), n > 0."""
+    return _degrees(float(np.median(poses[:, 2, 2])))
 
 
 def measure_motion(poses: Poses) -> Motion:
     """Measure the motion of poses (n, 4, 4), n > 0."""
-    tilt = _degrees(float(np.median(poses[:, 2, 2])))
+    tilt = median_tilt(poses)
     positions = poses[:, :3, 3] - poses[0, :3, 3]
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     step = float(np.median(steps)) if len(steps) else 0.0

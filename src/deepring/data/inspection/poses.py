@@ -3,13 +3,22 @@
 import numpy as np
 
 from deepring.data.inspection.finding import Finding
-from deepring.data.inspection.motion import READINGS, Motion, Reading, measure_motion
+from deepring.data.inspection.motion import (
+    MOST_TILT,
+    READINGS,
+    Motion,
+    Reading,
+    measurable,
+    measurable_rows,
+    measure_motion,
+)
 from deepring.data.inspection.overlays import check_overlays
-from deepring.data.poses.stamps import NANOSECONDS
+from deepring.data.poses.rigid import rotation_problem
+from deepring.data.poses.stamps import NANOSECONDS, stamps_in_names
 from deepring.data.session import Session
 
-#: Degrees. Vehicles and robots tilt by a few degrees, a LiDAR carried by hand by up to some 30.
-MOST_TILT, UNUSABLE_TILT = 35.0, 60.0
+#: Degrees: beyond, the scans or the motion lie on their side.
+UNUSABLE_TILT = 60.0
 #: The path in the plane as a share of that in space: 0.98 on a slope of 20 %, 0.82 on stairs, and
 #: 0 where the plane is not horizontal.
 LEAST_PLANAR, UNUSABLE_PLANAR = 0.8, 0.6
@@ -29,6 +38,8 @@ FASTEST = 70.0
 SHORTEST_JUMP, LONGEST_STEP, FARTHEST_STEP = 5.0, 100.0, 1000.0
 #: Metres between all poses of at least so many scans, below which a drive stands still.
 STANDING, STANDING_SCANS = 0.5, 10
+#: Seconds between the stamps of poses and those in the names of their scans.
+MOST_AWAY = 0.2
 #: Days from the first to the last scan.
 LONGEST_DAYS = 30.0
 #: Share of the scans without a pose, and of equal neighbouring poses.
@@ -48,6 +59,8 @@ def pose_findings(session: Session) -> list[Finding]:
     """
     if not len(session):
         return []
+    if not measurable(session.poses):
+        return [_no_poses(session)]
     motion = measure_motion(session.poses)
     return [
         *(_axes(session, motion) or _heading(session, motion)),
@@ -56,6 +69,19 @@ def pose_findings(session: Session) -> list[Finding]:
         *_stamps(session),
         *_without_pose(session),
     ]
+
+
+def _no_poses(session: Session) -> Finding:
+    """Matrices that are no poses; readers refuse them as they read, as the digits of a file say."""
+    poses = session.poses
+    bad = np.flatnonzero(~measurable_rows(poses))
+    return Finding(
+        "poses",
+        f"{len(bad)} of {len(poses)} are not rigid ({session.files[bad[0]].name}: "
+        f"{rotation_problem(poses[bad[0]])})",
+        "expected a rotation and metres: repair the file of the poses, or leave these out",
+        unusable=True,
+    )
 
 
 def _axes(session: Session, motion: Motion) -> list[Finding]:
@@ -188,6 +214,11 @@ def _stamps(session: Session) -> list[Finding]:
         return []
     repeated = int((np.diff(stamps) == 0).sum())
     found = []
+    named = stamps_in_names(session.files)
+    if named is not None:
+        away = float(np.median(np.abs(named - stamps))) / NANOSECONDS
+        if away > MOST_AWAY:
+            found.append(f"they are {away:.3g} s from those in the names of the scans, in median")
     if (np.diff(stamps) < 0).any():
         found.append("some are earlier than the one before")
     if repeated:
@@ -196,7 +227,11 @@ def _stamps(session: Session) -> list[Finding]:
     if days > LONGEST_DAYS:
         found.append(f"they span {days:.0f} days, which one drive does not")
     return [
-        Finding("stamps", text, "expected one time for each scan, in its order: check their unit")
+        Finding(
+            "stamps",
+            text,
+            "expected the time of each scan, in its order: check their unit and clock",
+        )
         for text in found
     ]
 

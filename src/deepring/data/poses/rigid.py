@@ -55,6 +55,8 @@ def rotation_problem(pose: NDArray[np.float64]) -> str:
     rotation = pose[:3, :3]
     if not np.isfinite(pose).all():
         return "it holds numbers that are not finite"
+    if np.abs(pose[:3, 3]).max() >= 1e12:
+        return f"its position is {_list(pose[:3, 3])}"
     lengths = np.linalg.norm(np.clip(rotation, -1e150, 1e150), axis=1)
     if np.abs(lengths - 1).max() > FLOOR:
         return f"the rows of its rotation have lengths {_list(lengths)}, expected 1"

@@ -1,11 +1,22 @@
 """Time stamps: whole nanoseconds, from and to decimal seconds without rounding."""
 
 import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 NANOSECONDS = 1_000_000_000  # in a second
 
 _DECIMAL = re.compile(r"([+-]?)([0-9]*)(?:\.([0-9]*))?(?:[eE]([+-]?[0-9]{1,6}))?")
 _MOST = 2**63
+#: Names that are stamps since 1970: nanoseconds, microseconds, or seconds with decimals.
+_NAMES = (
+    (re.compile(r"[12][0-9]{18}"), "e-9"),
+    (re.compile(r"[12][0-9]{15}"), "e-6"),
+    (re.compile(r"[12][0-9]{9}[.][0-9]{1,9}"), ""),
+)
 #: Stamps in other units, by their least size if they were seconds: those since 1970, and 1973.
 _UNITS = ((1e17, "nanoseconds"), (1e14, "microseconds"), (1e11, "milliseconds"))
 
@@ -54,6 +65,19 @@ def _too_large(text: str) -> str:
     if unit is None:
         return f"{text[:40]} is out of range, expected seconds"
     return f"{text[:40]} would be {unit}, expected seconds"
+
+
+def stamps_in_names(files: Sequence[Path]) -> NDArray[np.int64] | None:
+    """Nanoseconds (n,) in the names of scans, or None unless each name is a time since 1970.
+
+    >>> stamps_in_names([Path("1566279795718079.bin"), Path("1566279795818079.bin")]).tolist()
+    [1566279795718079000, 1566279795818079000]
+    """
+    for pattern, unit in _NAMES:
+        names = [file.stem for file in files]
+        if names and all(pattern.fullmatch(name) for name in names):
+            return np.array([nanoseconds_of(name + unit) for name in names], dtype=np.int64)
+    return None
 
 
 def seconds_text(stamp: int) -> str:
