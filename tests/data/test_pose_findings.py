@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from deepring.core.rigid import pose_from, rotation_from_rpy
@@ -210,6 +212,23 @@ def test_matrices_that_are_no_poses_are_found(value):
     assert finding.unusable
     assert "1 of 160 are not rigid (7.bin: " in finding.found
     assert check_overlays(session_of(poses)).summary == "not compared: poses are not rigid"
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(
+    st.integers(1, 12),
+    st.floats(0, 11),
+    st.lists(st.integers(-(2**63), 2**63 - 1), min_size=12, max_size=12),
+    st.integers(0, 99),
+)
+def test_any_poses_and_stamps_have_findings_and_no_error(n, power, stamps, seed):
+    rng = np.random.default_rng(seed)
+    rotations = Rotation.random(n, random_state=seed).as_matrix()
+    poses = pose_from(rotations, rng.normal(0, 10**power, (n, 3)))
+    for finding in found(poses, np.array(stamps[:n], dtype=np.int64)):
+        assert finding.found
+        assert finding.advice
+        assert "\n" not in str(finding)
 
 
 def test_scans_without_poses_are_found():

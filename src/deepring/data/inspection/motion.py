@@ -46,7 +46,7 @@ class Motion:
 
 def measurable_rows(poses: Poses) -> NDArray[np.bool_]:
     """Mask (n,) of the poses that are numbers of at most 1e12 m and nearly rotations."""
-    finite: NDArray[np.bool_] = (np.abs(poses) < 1e12).all(axis=(1, 2))  # False for NaN
+    finite = np.asarray((np.abs(poses) < 1e12).all(axis=(1, 2)))  # False for NaN
     rotations = np.where(finite[:, None, None], poses[:, :3, :3], 0.0).clip(-2, 2)
     product = np.einsum("nij,nkj->nik", rotations, rotations)
     near = (np.abs(product - np.eye(3)) < NEARLY).all(axis=(1, 2))

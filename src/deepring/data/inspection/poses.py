@@ -194,7 +194,7 @@ def _steps(session: Session, motion: Motion) -> list[Finding]:
     elif motion.step > LONGEST_STEP:
         found.append(f"neighbouring poses are {motion.step:.0f} m apart")
     elif session.stamps is not None:
-        seconds = np.diff(session.stamps) / NANOSECONDS
+        seconds = np.diff(session.stamps / NANOSECONDS)
         fast = (steps > SHORTEST_JUMP) & (steps > FASTEST * np.abs(seconds))
         if fast.any():
             found.append(
@@ -212,18 +212,18 @@ def _stamps(session: Session) -> list[Finding]:
     stamps = session.stamps
     if stamps is None or len(stamps) < 2:
         return []
-    repeated = int((np.diff(stamps) == 0).sum())
+    repeated = int((stamps[1:] == stamps[:-1]).sum())
     found = []
     named = stamps_in_names(session.files)
     if named is not None:
-        away = float(np.median(np.abs(named - stamps))) / NANOSECONDS
+        away = float(np.median(np.abs(named / NANOSECONDS - stamps / NANOSECONDS)))
         if away > MOST_AWAY:
             found.append(f"they are {away:.3g} s from those in the names of the scans, in median")
-    if (np.diff(stamps) < 0).any():
+    if (stamps[1:] < stamps[:-1]).any():
         found.append("some are earlier than the one before")
     if repeated:
         found.append(f"{repeated} of {len(stamps)} are equal to the one before")
-    days = float(stamps[-1] - stamps[0]) / NANOSECONDS / 86400
+    days = (float(stamps[-1]) - float(stamps[0])) / NANOSECONDS / 86400
     if days > LONGEST_DAYS:
         found.append(f"they span {days:.0f} days, which one drive does not")
     return [

@@ -82,7 +82,8 @@ def read_ground_truth(path: Path) -> Trajectory:
     row = "utime, x, y, z, roll, pitch, yaw, with utime a whole number of microseconds"
     rows = read_table(path, stamped_rows(6), ",", row)
     stamps, values = rows["stamp"], rows["values"]
-    if (np.abs(stamps) > np.iinfo(np.int64).max // MICROSECOND).any():
+    largest = np.iinfo(np.int64).max // MICROSECOND
+    if (stamps > largest).any() or (stamps < -largest).any():
         raise DataError(f"{path}: first column up to {stamps.max()}; expected microseconds")
     turned = np.abs(values[:, 3:]).max(axis=1) > _LARGEST_ANGLE
     if turned.mean() > 0.01:
