@@ -92,13 +92,22 @@ def read_calibration(path: Path) -> NDArray[np.float64]:
     try:
         transform = poses_from_rows(np.array([texts[0].split()], dtype=np.float64).reshape(1, 12))
     except (IndexError, ValueError) as error:
-        raise FileError(f"{path}: expected a line 'Tr:' with 12 numbers. {advice}") from error
+        found = f"Tr is {texts[0].strip()[:200]!r}" if texts else _named(lines)
+        raise FileError(
+            f"{path}: {found}; expected a line 'Tr:' with 12 numbers, separated by blanks. {advice}"
+        ) from error
     if not rigid_rows(transform)[0]:
         raise FileError(
             f"{path}: Tr is {texts[0].strip()[:200]}, expected a rotation and a translation, but "
             f"{rotation_problem(transform[0])}"
         )
     return np.asarray(transform[0], dtype=np.float64)
+
+
+def _named(lines: list[tuple[str, str, str]]) -> str:
+    """What a calibration without Tr holds, for messages."""
+    names = [name.strip()[:40] for name, colon, _ in lines if colon]
+    return f"has {', '.join(names[:8])}, but no Tr" if names else "has no Tr"
 
 
 def list_kitti(root: Path | str) -> list[str]:
