@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 LEG, LONGEST_LEG = 2.0, 20.0
 
 #: Degrees. Vehicles and robots tilt by a few degrees, a LiDAR carried by hand by up to some 30.
-MOST_TILT = 35.0
+#: Beyond the second, the scans or the motion lie on their side.
+MOST_TILT, UNUSABLE_TILT = 35.0, 60.0
+#: The path in the plane as a share of that in space: 0.98 on a slope of 20 %, 0.82 on stairs, and
+#: 0 where the plane is not horizontal.
+LEAST_PLANAR, UNUSABLE_PLANAR = 0.8, 0.6
+#: Degrees between the plane of the motion and the horizontal.
+MOST_SLOPE = 30.0
+#: Metres of path that a check of motion takes at least.
+LEAST_PATH = 20.0
 #: Entries of R Rᵀ differ from the identity by less, whatever the rounding of the file.
 NEARLY = 0.03
 
@@ -58,14 +66,9 @@ def measurable(poses: Poses) -> bool:
     return bool(measurable_rows(poses).all())
 
 
-def median_tilt(poses: Poses) -> float:
-    """Degrees between the scans' z and the world's, median of poses (n, 4, 4), n > 0."""
-    return _degrees(float(np.median(poses[:, 2, 2])))
-
-
 def measure_motion(poses: Poses) -> Motion:
     """Measure the motion of poses (n, 4, 4), n > 0."""
-    tilt = median_tilt(poses)
+    tilt = _degrees(float(np.median(poses[:, 2, 2])))
     positions = poses[:, :3, 3] - poses[0, :3, 3]
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     step = float(np.median(steps)) if len(steps) else 0.0
@@ -138,6 +141,24 @@ def _constancy(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
 
 def _degrees(cosine: float) -> float:
     return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def axis_problems(motion: Motion) -> list[tuple[bool, str]]:
+    """What is implausible about a motion, each with whether it makes the poses unusable."""
+    problems = []
+    if motion.tilt > MOST_TILT:
+        text = f"scans are tilted by {motion.tilt:.0f}° in half of the poses"
+        problems.append((motion.tilt > UNUSABLE_TILT, f"{text}, expected at most {MOST_TILT:.0f}°"))
+    if motion.path < LEAST_PATH or motion.planar is None:
+        return problems
+    if motion.planar < LEAST_PLANAR:
+        flat = motion.planar * motion.path
+        text = f"the path is {flat:.0f} m long in the plane and {motion.path:.0f} m in space"
+        problems.append((motion.planar < UNUSABLE_PLANAR, f"{text}, expected nearly the same"))
+    elif motion.off_plane > MOST_SLOPE:
+        text = f"the plane of the motion is tilted by {motion.off_plane:.0f}°"
+        problems.append((motion.off_plane > UNUSABLE_TILT, f"{text}, expected z to be up"))
+    return problems
 
 
 class Reading(NamedTuple):

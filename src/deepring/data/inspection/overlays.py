@@ -7,7 +7,7 @@ import numpy as np
 
 from deepring.data.inspection.explanations import explanation
 from deepring.data.inspection.finding import Finding
-from deepring.data.inspection.motion import MOST_TILT, measurable, median_tilt
+from deepring.data.inspection.motion import axis_problems, measurable, measure_motion
 from deepring.data.inspection.registration import Planar
 from deepring.data.inspection.scan_pairs import Overlay, neighbours, overlay
 from deepring.data.session import Session
@@ -35,9 +35,9 @@ def check_overlays(session: Session) -> OverlayCheck:
         return OverlayCheck([], "not compared: no scan")
     if not measurable(session.poses):
         return OverlayCheck([], "not compared: poses are not rigid")
-    tilt = median_tilt(session.poses)
-    if tilt > MOST_TILT:
-        return OverlayCheck([], f"not compared: scans are tilted by {tilt:.0f}°")
+    problems = axis_problems(measure_motion(session.poses))
+    if problems:
+        return OverlayCheck([], f"not compared: {problems[0][1]}")
     pairs, typical = neighbours(session, PAIRS)
     if not pairs:
         reason = f"neighbouring scans are {typical:.0f} m apart" if len(session) > 1 else "one scan"

@@ -4,10 +4,11 @@ import numpy as np
 
 from deepring.data.inspection.finding import Finding
 from deepring.data.inspection.motion import (
-    MOST_TILT,
+    LEAST_PATH,
     READINGS,
     Motion,
     Reading,
+    axis_problems,
     measurable,
     measurable_rows,
     measure_motion,
@@ -17,20 +18,11 @@ from deepring.data.poses.rigid import rotation_problem
 from deepring.data.poses.stamps import NANOSECONDS, stamps_in_names
 from deepring.data.session import Session
 
-#: Degrees: beyond, the scans or the motion lie on their side.
-UNUSABLE_TILT = 60.0
-#: The path in the plane as a share of that in space: 0.98 on a slope of 20 %, 0.82 on stairs, and
-#: 0 where the plane is not horizontal.
-LEAST_PLANAR, UNUSABLE_PLANAR = 0.8, 0.6
-#: Degrees between the plane of the motion and the horizontal.
-MOST_SLOPE = 30.0
 #: Constancy of the direction of motion in the scans: 0.99 on KITTI, NCLT and MulRan. Platforms that
 #: drive sideways or to and fro have less, so that alone it is a doubt only where it is small.
 LEAST_FORWARD, CLEARLY_FORWARD, ANY_DIRECTION = 0.8, 0.95, 0.4
 #: A path turns enough to tell; see `Motion.turning`.
 LEAST_TURNING = 0.2
-#: Metres of path that a check of motion takes at least.
-LEAST_PATH = 20.0
 #: Metres per second.
 FASTEST = 70.0
 #: Metres. Shorter steps are not held against the speed; longer ones are of no drive, as keyframes
@@ -86,7 +78,7 @@ def _no_poses(session: Session) -> Finding:
 
 def _axes(session: Session, motion: Motion) -> list[Finding]:
     """Tilt and plane: one finding, since they have one cause."""
-    problems = _problems(motion)
+    problems = axis_problems(motion)
     if not problems:
         return []
     reading = _plausible_reading(session, motion)
@@ -94,24 +86,6 @@ def _axes(session: Session, motion: Motion) -> list[Finding]:
     found = "; ".join(text for _, text in problems)
     unusable = reading is not None or any(severe for severe, _ in problems)
     return [Finding("poses", found, advice, unusable)]
-
-
-def _problems(motion: Motion) -> list[tuple[bool, str]]:
-    """What is implausible about a motion, each with whether it makes the poses unusable."""
-    problems = []
-    if motion.tilt > MOST_TILT:
-        text = f"scans are tilted by {motion.tilt:.0f}° in half of the poses"
-        problems.append((motion.tilt > UNUSABLE_TILT, f"{text}, expected at most {MOST_TILT:.0f}°"))
-    if motion.path < LEAST_PATH or motion.planar is None:
-        return problems
-    if motion.planar < LEAST_PLANAR:
-        flat = motion.planar * motion.path
-        text = f"the path is {flat:.0f} m long in the plane and {motion.path:.0f} m in space"
-        problems.append((motion.planar < UNUSABLE_PLANAR, f"{text}, expected nearly the same"))
-    elif motion.off_plane > MOST_SLOPE:
-        text = f"the plane of the motion is tilted by {motion.off_plane:.0f}°"
-        problems.append((motion.off_plane > UNUSABLE_TILT, f"{text}, expected z to be up"))
-    return problems
 
 
 def _heading(session: Session, motion: Motion) -> list[Finding]:
@@ -141,7 +115,7 @@ def _plausible_reading(
         forwards = other.forward is None or other.forward > CLEARLY_FORWARD
         turns = (other.turning or 0.0) >= least_turning
         near = other.step < LONGEST_STEP and other.path >= min(LEAST_PATH, motion.path)
-        if forwards and turns and near and not _problems(other):
+        if forwards and turns and near and not axis_problems(other):
             return reading
     return None
 
