@@ -37,3 +37,10 @@ def test_other_bytes_are_not_text(tmp_path, content):
 def test_a_missing_file_is_an_error(tmp_path):
     with pytest.raises(FileError, match=r"none\.txt: cannot be read \(No such file"):
         read_text(tmp_path / "none.txt", "Tr")
+
+
+def test_a_git_lfs_pointer_is_called_so(tmp_path):
+    path = tmp_path / "calib.txt"
+    path.write_text(f"version https://git-lfs.github.com/spec/v1\noid sha256:{0:064d}\nsize 123\n")
+    with pytest.raises(FileError, match=r"calib\.txt: is a Git LFS pointer.*; expected Tr"):
+        read_text(path, "Tr")

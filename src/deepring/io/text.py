@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TextIO
 
 from deepring.errors import FileError
+from deepring.io.git_lfs import LFS_POINTER, is_lfs_pointer
 
 _MARKS = (b"\xff\xfe", b"\xfe\xff", b"\x00\x00\xfe\xff")  # of UTF-16 and UTF-32
 
@@ -28,7 +29,7 @@ def read_text(path: Path, expected: str) -> str:
             text = file.read()
     except (OSError, UnicodeDecodeError) as error:
         raise FileError(f"{path}: {text_problem(path)}; expected {expected}") from error
-    if "\0" in text:
+    if "\0" in text or is_lfs_pointer(text.encode()):
         raise FileError(f"{path}: {text_problem(path)}; expected {expected}")
     return text
 
@@ -39,6 +40,8 @@ def text_problem(path: Path) -> str | None:
         head = path.read_bytes()
     except OSError as error:
         return f"cannot be read ({error.strerror})"
+    if is_lfs_pointer(head):
+        return LFS_POINTER
     if _is_utf16(head):
         return "is UTF-16 text: save it as UTF-8"
     if b"\0" in head:

@@ -19,6 +19,7 @@ from deepring.data.readers.reader import (
     first_file,
 )
 from deepring.data.scans.listing import Listing, list_scans
+from deepring.data.scans.names import visible_folders
 from deepring.data.scans.records import XYZI, read_records
 from deepring.data.session import Points, Session, SkippedScans
 from deepring.errors import DataError, FileError
@@ -118,7 +119,8 @@ def list_kitti(root: Path | str) -> list[str]:
     base = existing_root(root)
     if (base / "velodyne").is_dir():
         return [base.name]
-    drives = [folder for parent in _parents(base) if parent.is_dir() for folder in parent.iterdir()]
+    parents = [parent for parent in _parents(base) if parent.is_dir()]
+    drives = [drive for parent in parents for drive in visible_folders(parent)]
     return sorted(
         {
             drive.name

@@ -17,6 +17,7 @@ from deepring.data.poses.rigid import rigid_rows
 from deepring.data.readers import binary_formats
 from deepring.data.readers.custom.custom_scans import UP, Band
 from deepring.data.readers.kitti import read_calibration
+from deepring.data.scans.names import ending_of
 from deepring.errors import ConfigError, FileError
 from deepring.io.text import read_text
 
@@ -54,7 +55,7 @@ class DriveDescription:
 
 def is_drive_file(root: Path | str) -> bool:
     """True for a file that describes drives, by its name; False for a folder."""
-    return Path(root).suffix in ENDINGS and not Path(root).is_dir()
+    return ending_of(Path(root)) in ENDINGS and not Path(root).is_dir()
 
 
 def read_drives(path: Path | str) -> dict[str, DriveDescription]:
