@@ -13,9 +13,12 @@ from scipy.spatial.transform import Rotation
 
 from deepring.core.rigid import pose_from
 from deepring.data.readers.nclt import open_nclt
+from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.map import Map
+from deepring.methods.network_file import load_network
 from helpers.bags import KINDS, START, message, write_bag
 from helpers.cli import SMALL, deepring, refused
+from helpers.scenes import scattered
 
 BUILD = ("map", "build")
 
@@ -78,6 +81,31 @@ def test_trust_is_calibrated_on_another_drive(place_map, tiny_nclt, tmp_path, he
     refused(here("map", "calibrate", place_map, *drive, "-o", "sure.map"), "exists")
     drive[-1] = 0.999
     refused(here("map", "calibrate", place_map, *drive, "-o", "b.map"), "no thresholds")
+
+
+def test_a_map_of_one_place_cannot_tell_other_places(second, tmp_path, here):
+    """Nothing is compared there: a wrong scan's fit of 0.21 to 0.26 was enough for trust."""
+    place_map = Map(load_network("shipped").method)
+    place_map.add([scattered(0)], np.eye(4)[None], ["a"])
+    fits = [place_map.localize(scattered(seed)).fit for seed in range(1, 9)]
+    place_map.thresholds = AcceptanceThresholds(fit=min(fits))
+    place_map.save(tmp_path / "one.map")
+    (tmp_path / "scans").mkdir()
+    for seed in range(9):
+        np.save(tmp_path / "scans" / f"{seed}.npy", scattered(seed))
+    rows = [
+        json.loads(line)
+        for line in here("localize", "one.map", "scans", "--as", "json").stdout.splitlines()
+    ]
+    assert [row["trusted"] for row in rows] == [True, *[False] * 8]
+    assert [row["doubt"] for row in rows] == [None, *["no rival"] * 8]
+    assert {row["ratio"] for row in rows} == {None}
+    table = here("localize", "one.map", "scans").stdout
+    assert table.count("cannot tell: no rival") == 8
+    csv_rows = csv.DictReader(
+        io.StringIO(here("localize", "one.map", "scans", "--as", "csv").stdout)
+    )
+    assert [row["doubt"] for row in csv_rows] == ["", *["no rival"] * 8]
 
 
 def test_a_precision_that_is_no_share_is_refused_before_anything_is_read(here):

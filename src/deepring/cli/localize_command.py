@@ -26,6 +26,9 @@ from deepring.localization.location import Location
 from deepring.localization.map import Map
 from deepring.progress import progress_bar
 
+#: What the table says about trust; doubts not listed here say that one cannot tell.
+_TRUST = {None: "yes", "fit": "no", "ratio": "no"}
+
 #: A row: file and stamp (ns) of a scan, if it has one, and its location.
 Row = dict[str, Any]
 
@@ -121,7 +124,7 @@ def print_table(rows: Sequence[Row]) -> None:
             f"{math.degrees(row['yaw']):.1f}",
             f"{row['fit']:.2f}",
             f"{row['ratio']:.2f}",
-            "yes" if row["trusted"] else "no",
+            _TRUST.get(row["doubt"], f"cannot tell: {row['doubt']}"),
             row["name"],
         )
     console.print(table)

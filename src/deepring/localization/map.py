@@ -155,14 +155,12 @@ class Map:
         poses = self.places.planar_poses(hits.place[0])
         rows = spread_out(poses[:, :2], self.rerank)
         places, poses = hits.place[0, rows], poses[rows]
-        alignment = align_candidates(
-            torch.from_numpy(scan.images[0]),
-            hits.turn[0, rows],
-            self.places.images(places),
-            self.rerank,
-        )
+        image, images = torch.from_numpy(scan.images[0]), self.places.images(places)
+        alignment = align_candidates(image, hits.turn[0, rows], images, self.rerank)
         best = best_fit(alignment, poses, self.rerank)
         candidate = best.candidate
+        cells = min(int(image.sum()), int(images[candidate].sum()))
+        doubt = self.thresholds.doubt(best.fit, best.ratio, cells)
         return Location(
             place=int(places[candidate]),
             name=self.places.names[int(places[candidate])],
@@ -172,7 +170,9 @@ class Map:
             similarity=float(hits.score[0, rows[candidate]]),
             fit=best.fit,
             ratio=best.ratio,
-            trusted=bool(self.thresholds.accept(best.fit, best.ratio)),
+            cells=cells,
+            trusted=doubt is None,
+            doubt=doubt,
         )
 
     def save(self, path: Path | str) -> None:
