@@ -16,7 +16,8 @@ import torch
 from deepring.data.readers import ground_of, list_sessions, open_session
 from deepring.data.spacing import sample_by_distance
 from deepring.localization.location import FIT_WITHOUT_RIVAL
-from deepring.localization.map import Map, Observation
+from deepring.localization.map import Map
+from deepring.localization.observation import Observation
 from deepring.methods.network_file import load_network
 
 SCANS, PAIRS = 250, 700

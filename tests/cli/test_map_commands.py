@@ -133,19 +133,21 @@ def test_a_folder_of_ones_own_scans(place_map, second, tmp_path, here):
 
 
 def test_a_scan_that_cannot_be_located_does_not_hide_the_others(place_map, second, tmp_path, here):
-    good, bad = second.points(0), second.points(1).copy()
-    bad[7] = np.nan
-    for name, points in {"a": good, "b": bad, "c": good[:0]}.items():
+    good, holes = second.points(0), second.points(1).copy()
+    holes[7] = np.nan  # a missing return
+    utm = good + np.float32([345_000, 4_037_000, 0])
+    for name, points in {"a": good, "b": holes, "c": good[:0], "e": utm}.items():
         np.save(tmp_path / f"{name}.npy", points)
     (tmp_path / "d.npy").write_bytes(b"no scan")
-    names = [f"{name}.npy" for name in "abcd"]
+    names = [f"{name}.npy" for name in "abcde"]
     done = here("localize", place_map, *names, "--as", "json")
     assert done.returncode == 1
-    assert [json.loads(line)["scan"] for line in done.stdout.splitlines()] == ["a.npy"]
+    assert [json.loads(line)["scan"] for line in done.stdout.splitlines()] == ["a.npy", "b.npy"]
     errors = [line for line in done.stderr.splitlines() if line.startswith("error")]
     assert len(errors) == 3
-    assert all(f"{name}.npy" in line for name, line in zip("bcd", errors, strict=True))
-    assert "1 of" in errors[0]
+    assert all(f"{name}.npy" in line for name, line in zip("cde", errors, strict=True))
+    assert "look like world coordinates" in errors[2]
+    assert here("localize", place_map, *names[2:]).returncode == 2  # none is located
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -192,7 +194,7 @@ def test_what_is_wrong_with_a_message_does_not_hide_those_before(place_map, seco
     stamps = [json.loads(line)["stamp"] for line in done.stdout.splitlines()]
     assert stamps == [START + 10**8, None]
     errors = [line for line in done.stderr.splitlines() if line.startswith("error")]
-    assert f"{bag} at {START} ns: scan: shape (0, 3)" in errors[0]
+    assert f"{bag} at {START} ns: scan: no points" in errors[0]
     assert f"{bag}, /points at {START + 2 * 10**8} ns: PointCloud2: fields range" in errors[1]
 
 

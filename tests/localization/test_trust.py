@@ -106,8 +106,9 @@ def test_a_rival_that_fits_not_at_all_is_none(network):
     place_map.add_observation(observation, np.eye(4)[None], ["seen"])
     far = np.eye(4)
     far[0, 3] = 500.0
-    blank = observation._replace(images=np.zeros_like(observation.images))
-    place_map.add_observation(blank, far[None], ["blank"])
+    # As in maps of earlier versions; now such a scan is refused.
+    place_map.places.add(np.zeros_like(observation.images), far[None], ["blank"])
+    place_map.index.add(observation.descriptors)
     location = place_map.localize(scattered(0))
     assert location.name == "seen"
     assert location.ratio == math.inf

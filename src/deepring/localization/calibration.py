@@ -12,7 +12,8 @@ from deepring import checks
 from deepring.core.rigid import wrap_angle, yaw_of
 from deepring.data.session import Points
 from deepring.errors import DataError
-from deepring.localization.location import FEW_CELLS, AcceptanceThresholds
+from deepring.localization.given import given_poses
+from deepring.localization.location import FEW_CELLS, AcceptanceThresholds, Location
 from deepring.localization.map import Map
 
 Floats = NDArray[np.float64]
@@ -79,11 +80,22 @@ def run_trials(
         place_map: the map.
         scans: points (n, 3), and the pose (4, 4) of each scan in the map's world.
         ground_z: z of the ground in the scans' frame, metres; None for the map's.
+
+    Raises DataError as `Map.localize` and `trials_of` do.
+    """
+    located = ((place_map.localize(points, ground_z=ground_z), pose) for points, pose in scans)
+    return trials_of(place_map, located)
+
+
+def trials_of(place_map: Map, located: Iterable[tuple[Location, Floats]]) -> LocalizationTrials:
+    """Locations in a map, each beside the pose (4, 4) of its scan in the map's world.
+
+    Raises DataError for poses that are not rigid.
     """
     rows = []
     places = place_map.places.positions
-    for points, pose in scans:
-        location = place_map.localize(points, ground_z=ground_z)
+    for location, given in located:
+        (pose,) = given_poses([given], 1)
         rows.append(
             (
                 location.fit,
@@ -98,7 +110,9 @@ def run_trials(
 
 
 def concatenate(trials: Sequence[LocalizationTrials]) -> LocalizationTrials:
-    """Several trials as one."""
+    """Several trials as one. Raises DataError without any."""
+    if not trials:
+        raise DataError("trials: none, expected at least one")
     return LocalizationTrials(*(np.concatenate(parts) for parts in zip(*trials, strict=True)))
 
 
