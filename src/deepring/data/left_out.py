@@ -42,7 +42,7 @@ class LeftOut:
         if not self.reasons:
             return ""
         tried = len(self) - self.missed
-        others = f", and {tried} near by that were tried in their place" if tried else ""
+        others = f", and {tried} near by, tried in their place" if tried else ""
         return (
             f"{self.what}: left out {self.missed} of {self.total} scans that cannot be used"
             f"{others}; first: {self.reasons[0]}"
