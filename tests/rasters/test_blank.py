@@ -43,7 +43,7 @@ PLACE_MAP = Map(small_network(), ground_z=-1.7)
 )
 def test_what_is_wrong_with_it_is_said(points, cause):
     with pytest.raises(
-        BrokenScanError, match="^scan: (nothing|only) .* out of the ground: "
+        BrokenScanError, match=r"^scan: (nothing|only) .* out of the ground: "
     ) as told:
         PLACE_MAP.observe([points])
     assert cause in str(told.value)

@@ -1,6 +1,5 @@
 """Checks of what a caller gives a map, before anything of the map changes."""
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,13 @@ from deepring.localization.scan_points import real_array
 
 def given_list(name: str, values: Any, what: str) -> list[Any]:
     """The values as a list, also those of a generator. Raises DataError for anything else."""
-    if isinstance(values, str | bytes) or not isinstance(values, Iterable):
+    try:
+        each = None if isinstance(values, str | bytes) else iter(values)
+    except TypeError:  # also of arrays without axes
+        each = None
+    if each is None:
         raise DataError(f"{name}: a {type(values).__name__}, expected a list of {what}")
-    return list(values)
+    return list(each)
 
 
 def given_names(names: Any, count: int) -> list[str]:
