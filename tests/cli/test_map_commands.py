@@ -324,6 +324,78 @@ def test_a_custom_drive_is_taken_wherever_a_dataset_is(
     assert "drive.yaml, first" in done.stdout
 
 
+def test_scans_that_cannot_be_used_are_left_out_and_said(custom_drive, tmp_path, here):
+    good = here(*BUILD, "drive.yaml", "-o", "good.map", "--spacing", 4, "--session", "first")
+    assert good.returncode == 0, good.stderr
+    assert "left out" not in good.stderr
+    zeros, metres = tmp_path / "first" / "0.npy", tmp_path / "first" / "20.npy"
+    np.save(zeros, np.zeros((50, 3)))
+    np.save(metres, np.load(metres) * 1000)
+    drive = ["drive.yaml", "--session", "first", "--spacing"]
+    built = here(*BUILD, *drive, 0, "-o", "a.map")
+    looped = here("loops", *drive, 16, "-o", "a")
+    trust = ["--precision", 0.5, "-o", "c.map"]
+    calibrated = here("map", "calibrate", "good.map", *drive, 24, *trust)
+    for done, least in ((built, 2), (looped, 1), (calibrated, 1)):
+        assert done.returncode == 0, done.stderr
+        (said,) = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
+        assert least <= int(said.split("session first: left out ")[1].split(" of ")[0]) <= 2
+        assert "first/0.npy: " in said
+    scans = len(list((tmp_path / "first").iterdir()))
+    assert len(Map.open(tmp_path / "a.map")) == scans - 2
+    assert 0 not in json.loads((tmp_path / "a.json").read_text())["scans"]
+    # Where scans lie apart, the next one takes its place.
+    assert here(*BUILD, *drive, 4, "-o", "b.map").returncode == 0
+    names = [Map.open(tmp_path / f"{name}.map").places.names for name in ("good", "b")]
+    assert names[0][0] == "0.npy" != names[1][0]
+    assert abs(len(names[0]) - len(names[1])) <= 1
+
+
+def test_too_many_scans_that_cannot_be_used_write_nothing(custom_drive, tmp_path, here):
+    assert here(*BUILD, "drive.yaml", "-o", "m.map", "--session", "first").returncode == 0
+    for path in sorted((tmp_path / "first").iterdir(), key=lambda path: int(path.stem))[::3]:
+        np.save(path, np.zeros((50, 3)))
+    before = {path.name for path in tmp_path.iterdir()}
+    drive = ["drive.yaml", "--session", "first", "--spacing", 0, "-o"]
+    for command in (BUILD, ("loops",), ("map", "calibrate", "m.map")):
+        done = refused(here(*command, *drive, "new"), "scans cannot be used, expected at most 20%")
+        assert done.returncode == 2
+    assert {path.name for path in tmp_path.iterdir()} == before
+    options = ["data=custom", "data.root=drive.yaml", "checkpoint=shipped"]
+    options += ["evaluation.regions=[whole]"]
+    options += ["data.split=sessions", "data.database=first", "data.query=second"]
+    done = here("evaluate", *options, "data.spacing.database=0", "data.spacing.query=20")
+    refused(done, "scans cannot be used, expected at most 20%")
+
+
+def test_what_the_reader_skips_is_said(custom_drive, tmp_path, here):
+    described = yaml.safe_load(custom_drive.read_text())
+    first = described["drives"]["first"]
+    records = tmp_path / "first_kitti"
+    records.mkdir()
+    for path in (tmp_path / "first").iterdir():
+        points = np.load(path)
+        np.pad(points, ((0, 0), (0, 1))).astype("<f4").tofile(records / f"{path.stem}.bin")
+    (records / "7.bin").write_bytes(b"")
+    first.update(scans="first_kitti", format="kitti")
+    custom_drive.write_text(yaml.safe_dump(described))
+    drive = ["drive.yaml", "--session", "first"]
+    for done in (
+        here(*BUILD, *drive, "-o", "a.map"),
+        here("loops", *drive, "--spacing", 20, "-o", "a"),
+        here("localize", "a.map", *drive, "--every", 40, "--as", "json"),
+    ):
+        assert done.returncode == 0, done.stderr
+        assert "warning: session first: left out 1 broken files" in done.stderr
+        assert "7.bin: 0 bytes" in done.stderr
+    assert all(json.loads(line)["scan"] for line in done.stdout.splitlines())
+
+
+def test_rows_of_poses_that_are_left_out_are_no_warning(tiny_nclt, here):
+    done = here("loops", tiny_nclt, "--session", "2031-03-17", "--spacing", 20, "-o", "a")
+    assert "note: session 2031-03-17: left out 3 bad pose rows" in done.stderr
+
+
 def test_mistakes_in_a_custom_drive_are_named(custom_drive, checkpoint, tmp_path, here):
     known = ["--checkpoint", checkpoint]
     refused(here(*BUILD, "drive.yaml", "-o", "a.map", *known), "first, second", "the name of one")

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from deepring.cli.console import console
 from deepring.cli.mistakes import MISTAKE, error_message
-from deepring.cli.warnings import warn_of_skipped
+from deepring.cli.warnings import say_skipped
 from deepring.data.readers import open_session
 from deepring.data.readers.custom.drive_file import is_drive_file
 from deepring.data.scans.bag_files import bag_scans, is_bag
@@ -96,7 +96,7 @@ def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
     """The scans of one file: one, those of a bag, or those of a drive that a file describes."""
     if is_drive_file(file):
         session = open_session("custom", file, args.session)
-        warn_of_skipped(session.name, session.skipped)
+        say_skipped(session)
         ground_z = session.ground_z if args.ground_z is None else args.ground_z
         stamps = [None] * len(session) if session.stamps is None else session.stamps.tolist()
         for k in range(0, len(session), args.every):
