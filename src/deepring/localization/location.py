@@ -30,8 +30,8 @@ cannot tell, since the images show too little, or no candidate was there to comp
 FIT_WITHOUT_RIVAL = 0.32
 
 #: Occupied cells that both images need. Fewer, in one heap, fit any other heap: of the same
-#: unrelated pairs, but with 80 cells each, 22 % fit at 0.32 or better. The scans of those worlds have
-#: 131 cells or more, real ones of seven sensors 173 or more.
+#: unrelated pairs, but with 80 cells each, 22 % fit at 0.32 or better. The scans of those worlds
+#: have 131 cells or more, real ones of seven sensors 173 or more.
 FEW_CELLS = 100
 
 
