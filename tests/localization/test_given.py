@@ -4,6 +4,7 @@ import fractions
 import math
 import warnings
 from collections import namedtuple
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -406,6 +407,23 @@ def test_settings_have_their_types():
     with pytest.raises(ConfigError, match=r"loops\.refinement: a bool"):
         LoopSettings(refinement=True)
     assert find_loops(street(), Map(NETWORK)).scans.tolist() == [0, 1, 2, 3]
+
+
+def test_a_search_for_loops_that_fails_leaves_its_map_empty():
+    place_map, looked_at = Map(NETWORK), []
+
+    def read(path):
+        looked_at.append(len(place_map))
+        if len(looked_at) == 4:
+            raise KeyboardInterrupt
+        return scattered(int(path.name))
+
+    before = state_of(place_map)
+    with pytest.raises(KeyboardInterrupt):
+        find_loops(replace(street(), read=read), place_map)
+    assert looked_at == [0, 1, 2, 3]
+    assert state_of(place_map) == before
+    assert find_loops(street(), place_map).scans.tolist() == [0, 1, 2, 3]
 
 
 def test_trials_have_rigid_poses():

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -19,6 +20,7 @@ from deepring.localization.location import (
 )
 from deepring.localization.loops import LOOP_THRESHOLDS
 from deepring.localization.map import Map
+from deepring.localization.observation import LEAST_CELLS
 from deepring.methods.network_file import load_network
 from helpers.real_data import real_data
 from helpers.scenes import scattered
@@ -113,6 +115,22 @@ def test_a_rival_that_fits_not_at_all_is_none(network):
     assert location.name == "seen"
     assert location.ratio == math.inf
     assert place_map.localize(scattered(1)).doubt in ("fit", "no rival")
+
+
+def test_a_nearly_blank_place_is_no_rival(network):
+    """It fits nothing, so that any scan would be trusted for fitting better anywhere else."""
+    far = np.tile(np.eye(4), (2, 1, 1))
+    far[1, 0, 3] = 500.0
+    place_map = Map(network)
+    place_map.add([scattered(0), scattered(1)[:300]], far, ["seen", "heap"])
+    assert LEAST_CELLS <= place_map.places.images(torch.tensor([1])).sum() < FEW_CELLS
+    for seed in range(2, 12):
+        location = place_map.localize(scattered(seed))
+        assert location.doubt in ("fit", "no rival", "few cells")
+    assert place_map.localize(scattered(0)).trusted
+    usual = Map(network)
+    usual.add([scattered(0), scattered(1)], far, ["seen", "other"])
+    assert math.isfinite(usual.localize(scattered(0)).ratio)
 
 
 def test_a_few_cells_in_one_heap_are_not_trusted(network):

@@ -126,19 +126,24 @@ class BestFit(NamedTuple):
     """Ratio of the fit to the best fit of a candidate that contradicts it; infinite without one."""
 
 
-def best_fit(alignment: Alignment, poses: Tensor, settings: RerankSettings) -> BestFit:
+def best_fit(
+    alignment: Alignment, poses: Tensor, settings: RerankSettings, cells: Tensor | None = None
+) -> BestFit:
     """The position of the query by the candidate that fits best.
 
     Args:
         alignment: of the query with each of k candidates.
         poses: (k, 3) of the candidates: x, y and yaw in the world, metres and radians.
         settings: which positions contradict each other.
+        cells: (k,) occupied cells of the candidates. Where all that contradict the best have less
+            than `FEW_CELLS`, there is no rival: nearly blank places fit nothing.
     """
     positions = world_positions(alignment.position, poses)
     fit = alignment.score
     best = int(fit.argmax())
     away = torch.linalg.vector_norm(positions - positions[best], dim=-1) > settings.apart
-    rival = float(fit[away].max()) if bool(away.any()) else 0.0
+    comparable = away if cells is None else away & (cells >= FEW_CELLS)
+    rival = float(fit[away].max()) if bool(comparable.any()) else 0.0
     ratio = float(fit[best]) / rival if rival > 0 else math.inf
     return BestFit(best, positions[best], float(fit[best]), ratio)
 

@@ -86,7 +86,8 @@ def find_loops(
         session: the drive. Its poses may drift: they give the path driven, and which candidates
             contradict each other.
         place_map: a map without places, whose network, thresholds and ground are used; it is
-            filled. See `LOOP_THRESHOLDS`: a map's usual thresholds are for places further apart.
+            filled, unless there is an error. See `LOOP_THRESHOLDS`: a map's usual thresholds are
+            for places further apart.
         settings: distances, and refinement.
         progress: called with keyframes done and their total.
         left_out: receives the scans that cannot be used, which are otherwise logged.
@@ -102,7 +103,17 @@ def find_loops(
         small_gicp()  # now rather than at the first loop
     if len(place_map):
         raise DataError(f"map: holds {len(place_map)} places, expected none; give a new one")
+    with place_map.all_or_nothing():
+        return _look_back(session, place_map, settings, progress, left_out)
 
+
+def _look_back(
+    session: Session,
+    place_map: Map,
+    settings: LoopSettings,
+    progress: Progress | None,
+    left_out: LeftOut | None,
+) -> LoopGraph:
     def see(scan: int) -> tuple[Points, Observation]:
         points = session.points(scan)
         image = occupancy(str(session.files[scan]), points, place_map.ground_z, place_map.raster)

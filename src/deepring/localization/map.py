@@ -1,6 +1,7 @@
 """A map of places, in which scans are located."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -167,13 +168,19 @@ class Map:
         scans = self._observed(scans)
         count = len(scans.images)
         poses, names = given_poses(poses, count), given_names(names, count)
-        marks = self.places.mark(), self.index.mark()
-        try:
+        with self.all_or_nothing():
             self.places.add(scans.images, poses, names)
             self.index.add(scans.descriptors)
-        except BaseException:  # places and index stay in step, also after Ctrl-C
-            self.places.rewind(marks[0])
-            self.index.rewind(marks[1])
+
+    @contextmanager
+    def all_or_nothing(self) -> Iterator[None]:
+        """Take back all places that are added inside if it ends in an error or with Ctrl-C."""
+        places, index = self.places.mark(), self.index.mark()
+        try:
+            yield
+        except BaseException:
+            self.places.rewind(places)
+            self.index.rewind(index)
             raise
 
     def localize_observation(self, scan: Observation, before: int | None = None) -> Location:
@@ -189,9 +196,10 @@ class Map:
         places, poses = hits.place[0, rows], poses[rows]
         image, images = torch.from_numpy(scan.images[0]), self.places.images(places)
         alignment = align_candidates(image, hits.turn[0, rows], images, self.rerank)
-        best = best_fit(alignment, poses, self.rerank)
+        counts = images.sum(dim=(1, 2))
+        best = best_fit(alignment, poses, self.rerank, counts)
         candidate = best.candidate
-        cells = min(int(image.sum()), int(images[candidate].sum()))
+        cells = min(int(image.sum()), int(counts[candidate]))
         doubt = self.thresholds.doubt(best.fit, best.ratio, cells)
         return Location(
             place=int(places[candidate]),
