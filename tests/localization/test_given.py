@@ -16,7 +16,7 @@ from hypothesis.extra import numpy as arrays
 
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.session import Session
-from deepring.errors import BrokenScanError, ConfigError, DataError, DeepringError
+from deepring.errors import BrokenScanError, ConfigError, DataError, DeepringError, FileError
 from deepring.localization.calibration import concatenate, run_trials
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.loops import LoopSettings, find_loops
@@ -424,6 +424,18 @@ def test_a_search_for_loops_that_fails_leaves_its_map_empty():
     assert looked_at == [0, 1, 2, 3]
     assert state_of(place_map) == before
     assert find_loops(street(), place_map).scans.tolist() == [0, 1, 2, 3]
+
+
+def test_a_map_lies_where_a_path_says(tmp_path):
+    for path in (None, 5, b"a.map", "", ".", "a\0b", ["a.map"]):
+        for use in (PLACE_MAP.save, Map.open):
+            with pytest.raises(ConfigError, match=r"^path: .*, expected the path of a file"):
+                use(path)
+    with pytest.raises(FileError, match="directory"):
+        PLACE_MAP.save(tmp_path)
+    for _ in range(2):  # it may be replaced
+        PLACE_MAP.save(str(tmp_path / "a.map"))
+    assert Map.open(tmp_path / "a.map").localize(SCENE) == KNOWN
 
 
 def test_trials_have_rigid_poses():

@@ -1,12 +1,13 @@
 """Checks of what a caller gives a map, before anything of the map changes."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deepring.data.poses.pose_tables import rigid_rows
-from deepring.errors import DataError
+from deepring.errors import ConfigError, DataError
 from deepring.localization.scan_points import real_array
 
 
@@ -30,6 +31,13 @@ def given_names(names: Any, count: int) -> list[str]:
     if len(names) != count:
         raise DataError(f"names: {len(names)}, expected {count}, one for each scan")
     return [str(name) for name in names]
+
+
+def given_path(path: Any) -> Path:
+    """The path of a file. Raises ConfigError for what names none."""
+    if not isinstance(path, str | Path) or "\0" in str(path) or not Path(path).name:
+        raise ConfigError(f"path: {path!r}, expected the path of a file")
+    return Path(path)
 
 
 def given_poses(poses: Any, count: int) -> NDArray[np.float64]:

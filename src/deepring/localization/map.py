@@ -17,7 +17,7 @@ from deepring.data.session import Session
 from deepring.errors import ConfigError, DataError
 from deepring.io.sealed import open_sealed, write_sealed
 from deepring.localization.candidates import RerankSettings, align_candidates, spread_out
-from deepring.localization.given import given_list, given_names, given_poses
+from deepring.localization.given import given_list, given_names, given_path, given_poses
 from deepring.localization.location import AcceptanceThresholds, Location, best_fit
 from deepring.localization.map_file import FORMAT, MapHeader, prefixed, under
 from deepring.localization.observation import Observation, described, observed, occupancy
@@ -222,14 +222,16 @@ class Map:
             raise DataError("map: holds no places to compare with; expected at least one; add some")
 
     def _observed(self, scans: Observation) -> Observation:
-        shape = self.index.shape
-        if shape is None:  # the network tells
-            blank = np.zeros((1, *self.raster.shape), dtype=np.bool_)
-            _, *shape = described(self.network, blank).descriptors.shape
+        if self.index.shape is not None:
+            return observed(scans, self.raster.shape, self.index.shape)
+        # The network tells what an empty map will hold.
+        blank = np.zeros((1, *self.raster.shape), dtype=np.bool_)
+        shape = described(self.network, blank).descriptors.shape[1:]
         return observed(scans, self.raster.shape, tuple(shape))
 
     def save(self, path: Path | str) -> None:
-        """Write the map, whole or not at all."""
+        """Write the map, whole or not at all. A map that is there is replaced."""
+        path = given_path(path)
         blocks = self.index.places.blocks()
         rows = {
             name: torch.cat([block[name] for block in blocks], dim=axis_of(name))
@@ -258,7 +260,7 @@ class Map:
         Raises FileError for a file that is missing, not a map, cut short, altered, or of another
         version.
         """
-        file = open_sealed(path, FORMAT, check=check)
+        file = open_sealed(given_path(path), FORMAT, check=check)
         header, tensors = file.header, file.tensors
         with file.contents():
             network = make_network(header.network, under("network.", tensors))

@@ -60,7 +60,7 @@ def _array(values: Any) -> NDArray[Any]:
         return (values.float() if values.dtype is torch.bfloat16 else values).numpy()
     if isinstance(values, np.ma.MaskedArray):
         numbers = values.dtype.kind in "fiu"
-        return values.astype(np.float64).filled(np.nan) if numbers else values.data
+        return np.where(values.mask, np.nan, values.data) if numbers else values.data
     return np.asarray(values)
 
 
