@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 from rich.table import Table
 
 from deepring.cli.console import console
@@ -102,8 +101,8 @@ def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
         for k in range(0, len(session), args.every):
             yield Scan(session.files[k], stamps[k], partial(session.points, k), ground_z)
     elif is_bag(file):
-        for stamp, points in bag_scans(file, args.topic, args.every):
-            yield Scan(file, stamp, partial(np.asarray, points), args.ground_z)
+        for stamp, read in bag_scans(file, args.topic, args.every):
+            yield Scan(file, stamp, read, args.ground_z)
     else:
         yield Scan(file, None, partial(read_scan, file, args.format), args.ground_z)
 
