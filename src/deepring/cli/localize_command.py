@@ -16,6 +16,7 @@ from rich.table import Table
 
 from deepring.cli.console import console
 from deepring.cli.mistakes import error_message
+from deepring.cli.visible import visible
 from deepring.data.readers import open_session
 from deepring.data.readers.custom.drive_file import is_drive_file
 from deepring.data.scans.bag_files import bag_scans, is_bag
@@ -51,7 +52,7 @@ def localize_command(args: argparse.Namespace) -> None:
     if rows or not failures:
         _PRINT[args.form](rows)
     for message in failures:
-        print(f"error: {message}", file=sys.stderr)
+        print(f"error: {visible(message)}", file=sys.stderr)
     if failures:
         sys.exit(1)
 

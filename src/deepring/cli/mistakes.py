@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from deepring.cli.config_mistakes import config_mistake
+from deepring.cli.visible import visible
 from deepring.errors import DeepringError, StoppedError
 
 #: Exit status of a user's mistake, as of argparse.
@@ -52,7 +53,7 @@ def report_mistakes(flags: Mapping[str, str]) -> Iterator[None]:
     except Exception as error:
         if not is_mistake(error):
             raise
-        print(f"error: {error_message(error, flags)}", file=sys.stderr)
+        print(f"error: {visible(error_message(error, flags))}", file=sys.stderr)
         sys.exit(INTERRUPTED if isinstance(error, StoppedError) else MISTAKE)
 
 

@@ -16,7 +16,9 @@ from omegaconf import DictConfig
 
 from deepring.cli.console import console
 from deepring.cli.mistakes import INTERRUPTED, is_mistake, report_mistakes
+from deepring.cli.output_streams import open_streams
 from deepring.cli.process import tune_process
+from deepring.cli.visible import visible
 from deepring.errors import ConfigError
 from deepring.evaluation.results import Result
 from deepring.experiment.config import EvaluationSettings, check_config
@@ -91,7 +93,7 @@ def report_sweep(outcomes: SweepOutcomes) -> int:
     finished, failed = outcomes.finished, outcomes.failed
     console.print(f"sweep        {len(finished)} of {len(finished) + len(failed)} jobs finished")
     for folder, error in failed:
-        print(f"failed       {folder.name}: {error}", file=sys.stderr)
+        print(visible(f"failed       {folder.name}: {error}"), file=sys.stderr)
     if finished:
         sweep = _from_here(finished[0].parent)
         if any((folder / "results.csv").is_file() for folder in finished):
@@ -124,6 +126,7 @@ def _sweep_job(composed: DictConfig) -> float:
     """Run one job, and return its validation score, which a search maximises."""
     from deepring.experiment.sweep import run_job
 
+    open_streams()  # it may be the first thing that a process of the launcher does
     tune_process()
     _keep_lightning_quiet()
     _name_in_log(Path(HydraConfig.get().runtime.output_dir).name)

@@ -101,7 +101,7 @@ def _commits(folder: Path) -> list[str]:
     commits = []
     for path in sorted(folder.glob("versions*.json")):
         try:
-            commit = json.loads(path.read_text())["git_commit"]
+            commit = json.loads(path.read_text(encoding="utf-8"))["git_commit"]
         except (OSError, ValueError, KeyError, TypeError):
             raise FileError(
                 f"{path}: no git_commit can be read; expected the versions of a run; delete the "

@@ -36,7 +36,7 @@ def read_status(folder: Path) -> Status | None:
     """
     path = folder / "status.json"
     try:
-        return _checked(Status(**json.loads(path.read_text())))
+        return _checked(Status(**json.loads(path.read_text(encoding="utf-8"))))
     except FileNotFoundError:
         return None
     except DeepringError as error:
@@ -64,7 +64,7 @@ def _checked(status: Status) -> Status:
 def write_status(folder: Path, status: Status) -> None:
     """Write ``status.json``, in one step."""
     with replacing(folder / "status.json") as temporary:
-        temporary.write_text(json.dumps(asdict(status), indent=2) + "\n")
+        temporary.write_text(json.dumps(asdict(status), indent=2) + "\n", encoding="utf-8")
 
 
 @contextmanager
