@@ -212,7 +212,7 @@ def _check_value(text: str, override: "Override") -> None:
 def _expected(key: str) -> str:
     if is_text(key):
         return f"expected text; {_advice(key, '')} gives an empty one, {key}=null none"
-    return f"expected {expected_at(key)}"
+    return "expected KEY=VALUE" if kind_at(key) is None else f"expected {expected_at(key)}"
 
 
 def _advice(key: str, value: str) -> str:

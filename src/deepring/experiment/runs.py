@@ -89,6 +89,8 @@ def _run_folders(path: Path) -> Iterator[Path]:
 def _unusable(folder: Path, status: Status) -> str | None:
     if status.state == "failed":
         return f"failed: {((status.error or '').strip() or 'no reason given').splitlines()[0]}"
+    if status.state == "interrupted":
+        return "unfinished: interrupted"
     if status.state != "finished":
         return "unfinished: still running, or killed"
     if not (folder / "results.csv").is_file():
