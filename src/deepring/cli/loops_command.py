@@ -37,10 +37,10 @@ def loops_command(args: argparse.Namespace) -> None:
     }
     for ending, path in files.items():
         with replacing(path) as temporary:
-            temporary.write_text(contents[ending])
+            temporary.write_text(contents[ending], encoding="utf-8")
     console.print(f"keyframes    {len(graph.scans)}")
     console.print(f"loops        {len(graph.loops)}")
     if args.refine:
         console.print(f"refined      {sum(loop.refined for loop in graph.loops)}")
     for path in files.values():
-        console.print(f"written      {path}", markup=False)
+        console.print(f"written      {path}")
