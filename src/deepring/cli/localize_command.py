@@ -15,6 +15,7 @@ from rich.table import Table
 
 from deepring.cli.console import console
 from deepring.cli.mistakes import MISTAKE, error_message
+from deepring.cli.visible import visible
 from deepring.cli.warnings import say_skipped
 from deepring.data.readers import open_session
 from deepring.data.readers.custom.drive_file import is_drive_file
@@ -57,7 +58,7 @@ def localize_command(args: argparse.Namespace) -> None:
     if rows or not failures:
         _PRINT[args.form](rows)
     for message in failures:
-        print(f"error: {message}", file=sys.stderr)
+        print(f"error: {visible(message)}", file=sys.stderr)
     if failures:
         sys.exit(1 if rows else MISTAKE)
 
