@@ -232,7 +232,19 @@ def test_texts_of_numbers(tmp_path, text, number):
 
 
 @pytest.mark.parametrize(
-    "text", ["1_0", "0x10", "1,5", "one", "1 2", "#", "1.5.2", "\N{ARABIC-INDIC DIGIT ONE}"]
+    "text",
+    [
+        "1_0",
+        "0x10",
+        "1,5",
+        "one",
+        "1 2",
+        "#",
+        "1.5.2",
+        "1\x1c",
+        "1\xa0",
+        "\N{ARABIC-INDIC DIGIT ONE}",
+    ],
 )
 def test_texts_that_are_no_numbers(tmp_path, text):
     (tmp_path / "a.pcd").write_bytes(encoded(FIELDS, [([text], [1], [2])], "ascii"))
