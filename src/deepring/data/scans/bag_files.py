@@ -10,6 +10,7 @@ from deepring.checks import count
 from deepring.data.scans.bags.clouds import CloudDecoder
 from deepring.data.scans.bags.opening import CONTAINERS, Bag, advice, open_bag
 from deepring.data.scans.bags.topics import CLOUD, cloud_topic
+from deepring.data.scans.names import ending_of
 from deepring.data.scans.point_cloud2 import cloud_records
 from deepring.data.scans.returns import scan_from
 from deepring.data.session import Points
@@ -31,7 +32,7 @@ class BagScan(NamedTuple):
 def is_bag(path: Path) -> bool:
     """True for a bag, by the file's ending or the folder's metadata.yaml."""
     if not path.is_dir():
-        return path.suffix in BAGS
+        return ending_of(path) in BAGS
     metadata = path / "metadata.yaml"
     return metadata.is_file() and b"rosbag2_bagfile_information" in metadata.read_bytes()
 

@@ -8,6 +8,7 @@ import yaml
 
 from deepring.data.scans.bags.fields import text
 from deepring.data.scans.bags.storage import named_type
+from deepring.data.scans.names import files_with
 from deepring.errors import BrokenScanError, DataError, FileError
 
 _ENDINGS = {"mcap": ".mcap", "sqlite3": ".db3"}
@@ -63,7 +64,7 @@ def _check_files(path: Path, names: list[str], ending: str) -> None:
         if not (path / name).is_file():
             raise FileError(f"metadata.yaml names {_text(name)}, which is missing; copy it there")
     known = {*names, *(name.removesuffix(".zstd") for name in names)}
-    others = sorted(file.name for file in path.glob(f"*{ending}") if file.name not in known)
+    others = [file.name for file in files_with(path, (ending,)) if file.name not in known]
     if others:
         raise FileError(
             f"{_text(', '.join(others))} is in the folder and not in metadata.yaml; `ros2 bag "
