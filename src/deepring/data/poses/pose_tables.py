@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.errors import FileError
+from deepring.io.git_lfs import LFS_POINTER, is_lfs_pointer_file
 
 NANOSECONDS = 1_000_000_000  # in a second
 
@@ -36,6 +37,8 @@ def read_table(path: Path, row: np.dtype, delimiter: str | None, description: st
 
 def _problem(path: Path, row: np.dtype, delimiter: str | None) -> str:
     """The reason why a file is not a table of such rows, e.g. its first invalid row."""
+    if is_lfs_pointer_file(path):
+        return LFS_POINTER
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except OSError as error:

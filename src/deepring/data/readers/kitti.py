@@ -17,9 +17,11 @@ from deepring.data.readers.reader import (
     first_file,
 )
 from deepring.data.scans.listing import Listing, list_scans
+from deepring.data.scans.names import visible_folders
 from deepring.data.scans.records import XYZI, read_records
 from deepring.data.session import Points, Session, SkippedScans
 from deepring.errors import DataError, FileError
+from deepring.io.git_lfs import LFS_POINTER, is_lfs_pointer
 
 _POSE_ROW = np.dtype([("values", np.float64, (12,))])
 _TIME_ROW = np.dtype([("seconds", np.float64)])
@@ -87,6 +89,8 @@ def read_calibration(path: Path) -> NDArray[np.float64]:
         raise FileError(
             f"{path}: cannot be read ({reason}); expected Tr, LiDAR to camera. {advice}"
         ) from error
+    if is_lfs_pointer(text.encode()):
+        raise FileError(f"{path}: {LFS_POINTER}")
     lines = [line.partition(":") for line in text.splitlines() if line.strip()]
     texts = [numbers for name, colon, numbers in lines if colon and name.strip() == "Tr"]
     if not texts and len(lines) == 1 and not lines[0][1]:
@@ -108,7 +112,8 @@ def list_kitti(root: Path | str) -> list[str]:
     base = existing_root(root)
     if (base / "velodyne").is_dir():
         return [base.name]
-    drives = [folder for parent in _parents(base) if parent.is_dir() for folder in parent.iterdir()]
+    parents = [parent for parent in _parents(base) if parent.is_dir()]
+    drives = [drive for parent in parents for drive in visible_folders(parent)]
     return sorted(
         {
             drive.name

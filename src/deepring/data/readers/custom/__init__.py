@@ -1,8 +1,6 @@
 """Custom datasets: scans and poses in a folder, described by a YAML file."""
 
 import math
-import re
-from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -26,15 +24,15 @@ from deepring.data.readers.custom.drive_file import (
     read_drives,
 )
 from deepring.data.readers.reader import LayoutError, Reader
+from deepring.data.scans.names import ending_of, files_with
 from deepring.data.scans.records import file_problem
-from deepring.data.scans.scan_files import scan_files
+from deepring.data.scans.scan_files import SCANS
 from deepring.data.session import Session, SkippedScans
 from deepring.errors import ConfigError, DataError, FileError
 
 _KITTI_ROW = np.dtype([("values", np.float64, (12,))])
 _TUM_ROW = np.dtype([("seconds", np.float64), ("values", np.float64, (7,))])
 _BYTE = np.dtype("u1")
-_NUMBER = re.compile(r"([0-9]+(?:\.[0-9]+)?)")
 
 
 def open_custom(root: Path | str, name: str | None = None) -> Session:
@@ -121,26 +119,24 @@ def _scans(drive: DriveDescription) -> list[Path]:
             f"{drive.file}: scans: {drive.scans} is not a folder; expected that of the scans, "
             "relative to this file's folder"
         )
-    # Some systems unpack hidden "._<name>.bin" files, which are not scans.
-    files = [file for file in scan_files([drive.scans]) if not file.name.startswith(".")]
-    if drive.format is None and any(file.suffix == ".bin" for file in files):
+    files = files_with(drive.scans, SCANS)
+    if not files:
+        raise FileError(
+            f"{drive.file}: scans: {drive.scans} is a folder without scans; expected files ending "
+            f"in {', '.join(SCANS)}"
+        )
+    if drive.format is None and any(ending_of(file) == ".bin" for file in files):
         raise ConfigError(
             f"{drive.file}: format: missing, expected that of the .bin files in {drive.scans}: "
             f"add one of {', '.join(binary_formats())}"
         )
-    return sorted(files, key=_order)
-
-
-def _order(file: Path) -> list[str | Decimal]:
-    """Sort key with numbers in names as numbers, so that 9.npy comes before 10.npy."""
-    parts = _NUMBER.split(file.stem)
-    return [Decimal(part) if k % 2 else part for k, part in enumerate(parts)]
+    return files
 
 
 def _problem(file: Path, format: str | None) -> str | None:
     """The reason why a file cannot be a scan, by its size, or None."""
     records: tuple[np.dtype, ...] = (_BYTE,)
-    if file.suffix == ".bin" and format is not None:
+    if ending_of(file) == ".bin" and format is not None:
         records = binary_formats()[format].records
     problem = file_problem(file, *records)
     return None if problem is None else f"{file}: {problem}"

@@ -16,7 +16,9 @@ from deepring.data.poses.pose_tables import poses_from_rows, rigid_rows
 from deepring.data.readers import binary_formats
 from deepring.data.readers.custom.custom_scans import UP, Band
 from deepring.data.readers.kitti import read_calibration
+from deepring.data.scans.names import ending_of
 from deepring.errors import ConfigError, FileError
+from deepring.io.git_lfs import LFS_POINTER, is_lfs_pointer_file
 
 ENDINGS = (".yaml", ".yml")
 POSE_FORMATS = ("kitti", "tum")
@@ -52,7 +54,7 @@ class DriveDescription:
 
 def is_drive_file(root: Path | str) -> bool:
     """True for a file that describes drives, by its name; False for a folder."""
-    return Path(root).suffix in ENDINGS and not Path(root).is_dir()
+    return ending_of(Path(root)) in ENDINGS and not Path(root).is_dir()
 
 
 def read_drives(path: Path | str) -> dict[str, DriveDescription]:
@@ -79,6 +81,8 @@ def read_drives(path: Path | str) -> dict[str, DriveDescription]:
 
 
 def _load(file: Path) -> Any:
+    if is_lfs_pointer_file(file):
+        raise FileError(f"{file}: {LFS_POINTER}")
     try:
         return yaml.safe_load(file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:

@@ -13,7 +13,9 @@ from deepring.data.scans.bags.mcap_file import McapFile
 from deepring.data.scans.bags.ros1_file import Ros1File
 from deepring.data.scans.bags.storage import Container, Contents
 from deepring.data.scans.bags.topics import Topics, topics_of
+from deepring.data.scans.names import ending_of
 from deepring.errors import BrokenScanError, DataError, FileError
+from deepring.io.git_lfs import LFS_POINTER, is_lfs_pointer_file
 
 #: How a file is read, by its ending.
 CONTAINERS: dict[str, Callable[[Path], Container]] = {
@@ -46,7 +48,7 @@ def open_bag(path: Path, opened: ExitStack) -> Bag:
     Raises BrokenScanError, DataError and FileError without the name of the bag.
     """
     if not path.is_dir():
-        if path.suffix not in CONTAINERS:
+        if ending_of(path) not in CONTAINERS:
             raise FileError(f"expected an ending {', '.join(CONTAINERS)}, or a folder")
         part = _part(path)
         return Bag([part], topics_of([part.contents]), not part.contents.damage)
@@ -65,7 +67,9 @@ def open_bag(path: Path, opened: ExitStack) -> Bag:
 
 
 def _part(file: Path) -> Part:
-    container = CONTAINERS[file.suffix](file)
+    if is_lfs_pointer_file(file):
+        raise FileError(f"{file.name} {LFS_POINTER}")
+    container = CONTAINERS[ending_of(file)](file)
     try:
         return Part(container, container.contents())
     except BrokenScanError as error:
