@@ -22,6 +22,7 @@ _FILE_ERRORS = {
     errno.EPERM: "no permission to read or write it",
     errno.EROFS: "lies on a read-only disk",
     errno.EISDIR: "is a folder, expected a file",
+    errno.EFBIG: "larger than the system allows",
     errno.ENOTDIR: "lies below a file, expected folders above it",
     errno.EEXIST: "exists, expected a new file",
     errno.ENOSPC: "no space is left on the disk",
