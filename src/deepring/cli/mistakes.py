@@ -1,6 +1,5 @@
 """A user's mistake as one line on standard error, in the words of the command line."""
 
-import errno
 import re
 import sys
 from collections.abc import Iterator, Mapping
@@ -8,27 +7,13 @@ from contextlib import contextmanager
 
 from deepring.cli.visible import visible
 from deepring.errors import DeepringError, StoppedError
+from deepring.io.files import reason_of
 
 #: Exit status of a user's mistake, as of argparse.
 MISTAKE = 2
 
 #: Exit status after Ctrl-C.
 INTERRUPTED = 130
-
-#: Messages for the errors of the operating system that a user can correct.
-_FILE_ERRORS = {
-    errno.ENOENT: "no such file or folder",
-    errno.EACCES: "no permission to read or write it",
-    errno.EPERM: "no permission to read or write it",
-    errno.EROFS: "lies on a read-only disk",
-    errno.EISDIR: "is a folder, expected a file",
-    errno.EFBIG: "larger than the system allows",
-    errno.ENOTDIR: "lies below a file, expected folders above it",
-    errno.EEXIST: "exists, expected a new file",
-    errno.ENOSPC: "no space is left on the disk",
-    errno.EDQUOT: "the disk quota is used up",
-    errno.ENAMETOOLONG: "the name is too long",
-}
 
 #: An argument in a message of the library: its first word, or a word in backticks.
 _ARGUMENT = re.compile(r"^[a-z_]+(?:\.[a-z_]+)*(?=:| =)|`([a-z_]+(?:\.[a-z_]+)*)`")
@@ -91,5 +76,5 @@ def is_mistake(error: Exception) -> bool:
 def _text(error: Exception) -> str:
     if not isinstance(error, OSError):
         return str(error)
-    message = _FILE_ERRORS.get(error.errno or 0, error.strerror or str(error))
+    message = reason_of(error)
     return message if error.filename in (None, "") else f"{error.filename}: {message}"
