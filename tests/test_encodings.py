@@ -23,7 +23,7 @@ def unstated(source: str) -> Iterator[int]:
         mode = next((str(s) for s in strings if set(str(s)) <= set("rwxabt+")), None)
         name, bare = name_of(node.func), isinstance(node.func, ast.Name)
         # Neither `Map.open` nor a function of one's own called `read_text` is Python's.
-        opens = bare != name.endswith("_text") and (bare or mode is not None or name != "open")
+        opens = not bare if name.endswith("_text") else bare or mode is not None or name != "open"
         stated = any(keyword.arg == "encoding" for keyword in node.keywords)
         if opens and not stated and "b" not in (mode or ""):
             yield node.lineno
