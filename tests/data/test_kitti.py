@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
 from deepring.data.readers.kitti import list_kitti, open_kitti, read_calibration, read_kitti_scan
+from deepring.data.scans.scan_files import read_scan
 from deepring.errors import BrokenScanError, DeepringError
 from helpers.real_data import real_data
 
@@ -194,10 +195,10 @@ def test_any_bytes_decode_or_are_a_broken_scan(tmp_path, data):
     values = values[np.isfinite(values).all(axis=1)]
     values = values[(values != 0).any(axis=1)]
     if len(data) % 16 == 0 and len(values):
-        np.testing.assert_array_equal(read_kitti_scan(path), values)
+        np.testing.assert_array_equal(read_scan(path, "kitti"), values)
     else:
         with pytest.raises(BrokenScanError, match=r"000000\.bin: \d+ (bytes|records).*expected"):
-            read_kitti_scan(path)
+            read_scan(path, "kitti")
 
 
 def test_real_drive():

@@ -21,6 +21,7 @@ from deepring.data.readers import (
     open_session,
 )
 from deepring.data.readers.custom.drive_file import is_drive_file
+from deepring.data.scans.returns import scan_from
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError, ConfigError, DataError, FileError
 from deepring.paper.case_study import (
@@ -157,7 +158,7 @@ def _readable(
 
 def _points(source: Source, file: Path) -> Points:
     """The points of a scan. Raises BrokenScanError if none of them is in the bird's-eye view."""
-    points = source.read(file)
+    points = scan_from(source.read(file), file).points
     bev = BevRaster()
     if not bev(points, source.ground_z).any():
         raise BrokenScanError(

@@ -20,7 +20,7 @@ from deepring.data.readers.reader import (
     first_folder,
 )
 from deepring.data.scans.listing import list_scans
-from deepring.data.scans.records import file_problem, read_records, valid_points
+from deepring.data.scans.records import file_problem, read_records
 from deepring.data.session import Points, Session
 
 #: Scans of the Aeva up to this stamp (ns) have no intensity, the last field of a record.
@@ -28,13 +28,13 @@ AEVA_WITHOUT_INTENSITY = 1691936557946849179
 
 
 def read_helipr_scan(path: Path | str, sensor: str) -> Points:
-    """Read one ``LiDAR/<sensor>/<ns>.bin``: (m, 3) float32 metres in the sensor's frame.
+    """Read one ``LiDAR/<sensor>/<ns>.bin``: (n, 3) float32 metres in the sensor's frame.
 
-    Drops missing returns, stored as (0, 0, 0), and points with NaN or infinity. The Aeva has two
-    record types; the file's stamp determines which one, or its size if its name is not a stamp.
-    Raises BrokenScanError.
+    Missing returns, stored as (0, 0, 0), are included. The Aeva has two record types; the file's
+    stamp determines which one, or its size if its name is not a stamp. Raises BrokenScanError.
     """
-    return valid_points(read_records(path, _record_of(Path(path), sensor))["xyz"], path)
+    points: Points = read_records(path, _record_of(Path(path), sensor))["xyz"]
+    return points
 
 
 def _record_of(path: Path, sensor: str) -> np.dtype:

@@ -17,7 +17,7 @@ from deepring.data.readers.reader import (
     first_file,
 )
 from deepring.data.scans.listing import Listing, list_scans
-from deepring.data.scans.records import XYZI, read_records, valid_points
+from deepring.data.scans.records import XYZI, read_records
 from deepring.data.session import Points, Session, SkippedScans
 from deepring.errors import DataError, FileError
 
@@ -28,12 +28,13 @@ _TEST_SEQUENCES = {str(number) for number in range(11, 22)}
 
 
 def read_kitti_scan(path: Path | str) -> Points:
-    """Read one ``velodyne/<frame>.bin``: (m, 3) float32 metres, x forward, y left, z up.
+    """Read one ``velodyne/<frame>.bin``: (n, 3) float32 metres, x forward, y left, z up.
 
-    Records are float32 x, y, z, reflectance, little-endian. Drops points that are NaN, infinite
-    or exactly (0, 0, 0). Raises BrokenScanError.
+    Records are float32 x, y, z, reflectance, little-endian. Missing returns are included. Raises
+    BrokenScanError.
     """
-    return valid_points(read_records(path, XYZI)["xyz"], path)
+    points: Points = read_records(path, XYZI)["xyz"]
+    return points
 
 
 def open_kitti(root: Path | str, sequence: str | None = None) -> Session:

@@ -19,7 +19,7 @@ from deepring.data.readers.reader import (
     first_folder,
 )
 from deepring.data.scans.listing import list_scans
-from deepring.data.scans.records import XYZI, read_records, valid_points
+from deepring.data.scans.records import XYZI, read_records
 from deepring.data.session import Points, Session
 
 Extrinsic = Literal["tf", "inverse", "none"]
@@ -31,13 +31,13 @@ T_BASE_LIDAR = pose_from(
 
 
 def read_mulran_scan(path: Path | str) -> Points:
-    """Read one ``Ouster/<ns>.bin``: (m, 3) float32 metres in the LiDAR frame, z up.
+    """Read one ``Ouster/<ns>.bin``: (n, 3) float32 metres in the LiDAR frame, z up.
 
-    Records are float32 x, y, z, intensity, little-endian. Drops missing returns, stored as
-    (0, 0, 0), and points with NaN or infinity; files may have fewer than 64 x 1024 records.
-    Raises BrokenScanError.
+    Records are float32 x, y, z, intensity, little-endian. Missing returns, stored as (0, 0, 0),
+    are included; files may have fewer than 64 x 1024 records. Raises BrokenScanError.
     """
-    return valid_points(read_records(path, XYZI)["xyz"], path)
+    points: Points = read_records(path, XYZI)["xyz"]
+    return points
 
 
 def open_mulran(

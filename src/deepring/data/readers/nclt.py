@@ -36,11 +36,13 @@ def read_nclt_scan(path: Path | str) -> Points:
 
     Records of 8 bytes, little-endian: uint16 x, y, z; uint8 intensity; uint8 laser id; metres =
     value * 0.005 - 100 (NCLT's own documentation), so all coordinates lie in -100 m..227.7 m. The
-    points are in the body frame, with the Velodyne's lever arm applied. No points are dropped.
-    Raises BrokenScanError.
+    points are in the body frame, with the Velodyne's lever arm applied. Missing returns are
+    included: a record of zeros, which would be a point 173 m away, becomes NaN. Raises
+    BrokenScanError.
     """
     hits = read_records(path, HIT)
     points: Points = ((hits["xyz"] * 0.005 - 100.0) @ NED_TO_UP).astype(np.float32)
+    points[~hits["xyz"].any(axis=1)] = np.nan
     return points
 
 
@@ -64,7 +66,7 @@ def open_nclt(root: Path | str, date: str, pose_tolerance: float = 0.05) -> Sess
         ground_truth=scans.poses[:, :2, 3].copy(),
         stamps=scans.stamps,
         read=read_nclt_scan,
-        decoding="nclt",
+        decoding="nclt, zeros missing",
         axes=("north", "east"),
         skipped=scans.skipped,
     )

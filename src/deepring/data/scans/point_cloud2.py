@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from deepring.data.scans.returns import is_return
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError
 
@@ -14,8 +15,7 @@ _FLOATS = {7: "f4", 8: "f8"}
 def cloud_points(message: Any) -> Points:
     """Points (n, 3) float32, row by row, in the unit of the message: metres by ROS's convention.
 
-    Drops points with NaN or infinite coordinates, which mark beams without a return in organised
-    clouds.
+    Drops missing returns; see `is_return`.
 
     Args:
         message: an object with the fields of sensor_msgs/PointCloud2, ``data`` as uint8.
@@ -39,7 +39,7 @@ def cloud_points(message: Any) -> Points:
     cloud = np.ndarray((rows, columns), layout, data.data, 0, (row_step, layout.itemsize))
     with np.errstate(over="ignore", invalid="ignore"):  # beyond float32 becomes infinite
         points = np.stack([cloud[name].astype(np.float32).ravel() for name in "xyz"], axis=1)
-    return points[np.isfinite(points).all(axis=1)]
+    return points[is_return(points)]
 
 
 def _layout(message: Any) -> np.dtype[np.void]:

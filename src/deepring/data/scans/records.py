@@ -1,11 +1,10 @@
-"""Scan files that consist of point records: reads them, and drops missing returns."""
+"""Scan files that consist of point records."""
 
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.data.session import Points
 from deepring.errors import BrokenScanError
 
 #: One point of a MulRan or KITTI scan: x, y, z in metres and an intensity, little-endian float32.
@@ -50,18 +49,3 @@ def records_from(data: bytes, record: np.dtype, source: Path | str) -> NDArray:
     if problem:
         raise BrokenScanError(f"{source}: {problem}. Fetch or unpack the file again")
     return np.frombuffer(data, dtype=record)
-
-
-def valid_points(xyz: NDArray[np.float32], source: Path | str) -> Points:
-    """The points (m, 3) float32 of ``xyz`` (n, 3) that are finite and not (0, 0, 0).
-
-    Raises BrokenScanError if no point is left.
-    """
-    points = np.asarray(xyz[np.isfinite(xyz).all(axis=1)], dtype=np.float32)
-    points = points[points.any(axis=1)]
-    if not len(points):
-        raise BrokenScanError(
-            f"{source}: {len(xyz)} records, all missing returns (0, 0, 0), NaN or infinite; "
-            "expected at least one valid point"
-        )
-    return points

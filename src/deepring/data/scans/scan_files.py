@@ -9,6 +9,7 @@ import numpy as np
 from deepring.data.readers import binary_formats
 from deepring.data.scans.bag_files import BAGS, is_bag
 from deepring.data.scans.ply import read_ply
+from deepring.data.scans.returns import scan_from
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError, ConfigError, DeepringError, FileError
 
@@ -16,8 +17,18 @@ from deepring.errors import BrokenScanError, ConfigError, DeepringError, FileErr
 def read_scan(path: Path | str, binary: str | None = None) -> Points:
     """Points (n, 3) float32, metres, of a .npy, .pcd, .ply or .bin file.
 
-    ``binary`` is the format of a .bin file, one of `binary_formats`. Points without coordinates,
-    for beams without a return, are kept.
+    ``binary`` is the format of a .bin file, one of `binary_formats`. Missing returns are dropped:
+    NaN, infinite and (0, 0, 0).
+
+    Raises:
+        BrokenScanError: a file that cannot be decoded, or has no point.
+        FileError, ConfigError: see `scan_records`.
+    """
+    return scan_from(scan_records(path, binary), path).points
+
+
+def scan_records(path: Path | str, binary: str | None = None) -> Points:
+    """The records (n, 3) float32 of a file, as `read_scan`, with missing returns.
 
     Raises:
         BrokenScanError: a file that cannot be decoded.
