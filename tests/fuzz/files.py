@@ -40,6 +40,8 @@ class Format:
     """How many inputs it gets, relative to the others."""
     clean: bool = False
     """Whether using the files leaves others beside them, which are removed before the next."""
+    foreign: bool = False
+    """Whether others define the format: then what the decoder reads should not be refused."""
     names_file: bool = True
     """Whether the reader knows the file, and has to name it."""
 

@@ -15,9 +15,10 @@ from fuzz.files import Format, UndecidedError, UndecodableError
 from fuzz.limits import Limits, TimedOut, limited
 
 #: Right outcomes: the same values as from the good files, other ones that the decoder reads too, or
-#: that no decoder can judge, and a refusal.
-AS_BEFORE, RIGHT, UNCHECKED, REFUSED = "as before", "right", "unchecked", "refused"
-GOOD = (AS_BEFORE, RIGHT, UNCHECKED, REFUSED)
+#: that no decoder can judge; a refusal, and one of files that the decoder reads.
+AS_BEFORE, RIGHT, UNCHECKED = "as before", "right", "unchecked"
+REFUSED, STRICTER = "refused", "stricter"
+GOOD = (AS_BEFORE, RIGHT, UNCHECKED, REFUSED, STRICTER)
 
 #: Faults.
 EXCEPTION, WARNING, MESSAGE, HANG = "exception", "warning", "message", "hang"
@@ -59,7 +60,7 @@ def outcome_of(
     except TimedOut as error:
         return Outcome(HANG, _where(error))
     except DeepringError as error:
-        return _refusal(error, folder if format.names_file else None, caught)
+        return _refusal(format, files, error, folder if format.names_file else None, caught)
     except Exception as error:
         kind = MEMORY if _out_of_memory(error) else EXCEPTION
         words = f"{type(error).__name__}: {_short(error)} in {_where(error)}"
@@ -104,7 +105,13 @@ def message_fault(error: DeepringError, folder: Path | None) -> str | None:
     return None
 
 
-def _refusal(error: DeepringError, folder: Path | None, caught: list[Any]) -> Outcome:
+def _refusal(
+    format: Format,
+    files: Mapping[str, bytes],
+    error: DeepringError,
+    folder: Path | None,
+    caught: list[Any],
+) -> Outcome:
     if any(map(_out_of_memory, _causes(error))):
         return Outcome(MEMORY, f"taken for damage in {_where(error)}")
     if fault := message_fault(error, folder):
@@ -112,7 +119,16 @@ def _refusal(error: DeepringError, folder: Path | None, caught: list[Any]) -> Ou
         return Outcome(MESSAGE, f"{fault} in {_where(error)}", said[:300])
     if caught:
         return Outcome(WARNING, f"{caught[0].category.__name__}: {_short(caught[0].message)}")
-    return Outcome(REFUSED, f"{type(error).__name__} in {_where(error)}", str(error))
+    kind = STRICTER if _is_read(format, files) else REFUSED
+    return Outcome(kind, f"{type(error).__name__} in {_where(error)}", str(error))
+
+
+def _is_read(format: Format, files: Mapping[str, bytes]) -> bool:
+    """Whether files of a format that others define are read by the decoder."""
+    try:
+        return format.foreign and format.decode is not None and bool(format.decode(files))
+    except (UndecodableError, UndecidedError):
+        return False
 
 
 def _judged(format: Format, files: Mapping[str, bytes], value: Any, good: Any) -> Outcome:

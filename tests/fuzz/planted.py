@@ -3,7 +3,7 @@
 import ctypes
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -23,7 +23,8 @@ def every_format() -> Iterator[Format]:
             lambda _: {_FILE: _GOOD},
             (_spoilt,),
             lambda folder, use=use: _read(folder / _FILE, use),
-            None if name in _UNDECODED else lambda files: files[_FILE].decode(),
+            None if name in _UNDECODED else _decoded,
+            foreign=True,
         )
 
 
@@ -35,6 +36,10 @@ def _spoilt(rng: Random, files: Files) -> str:
 def _read(path: Path, use: Any) -> str:
     content = path.read_bytes()
     return _GOOD.decode() if content == _GOOD else use(path, content.decode())
+
+
+def _decoded(files: Mapping[str, bytes]) -> str:
+    return files[_FILE].decode()
 
 
 def _same(path: Path, text: str) -> str:
@@ -101,6 +106,7 @@ _USES: dict[str, Callable[[Path, str], str]] = {
     "unchecked": _same,
     "as before": _good,
     "refused": _refuse("{path}: is damaged; expected a word"),
+    "stricter": _refuse("{path}: is damaged; expected a word"),
     "exception": _fail,
     "wrong": _other,
     "wrong, as before": _good,
@@ -116,4 +122,4 @@ _USES: dict[str, Callable[[Path, str], str]] = {
 }
 
 #: Those whose files no decoder reads.
-_UNDECODED = ("unchecked", "as before")
+_UNDECODED = ("unchecked", "as before", "refused")

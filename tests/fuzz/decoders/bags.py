@@ -241,7 +241,8 @@ def sqlite_bag(content: bytes) -> list[Any]:
         rows = list(
             database.execute("SELECT id, topic_id, timestamp, data FROM messages NOT INDEXED")
         )
-    except (sqlite3.Error, OverflowError, UnicodeDecodeError) as error:
+    # No memory: so an empty file is refused.
+    except (sqlite3.Error, OverflowError, UnicodeDecodeError, MemoryError) as error:
         raise UndecodableError("no SQLite file of messages") from error
     finally:
         database.close()

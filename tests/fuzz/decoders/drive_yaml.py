@@ -52,14 +52,12 @@ def drive_of(content: bytes) -> Drive:
     """The only drive of a file."""
     try:
         values = yaml.safe_load(content.decode("utf-8-sig"))
-    except (UnicodeDecodeError, yaml.YAMLError, ValueError, RecursionError, TypeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError, TypeError, AttributeError) as error:
         raise UndecodableError("no YAML") from error
+    if isinstance(values, dict) and "drives" in values:
+        raise UndecidedError  # several drives
     if not isinstance(values, dict) or not set(values) <= _KEYS:
-        raise (
-            UndecidedError
-            if isinstance(values, dict) and "drives" in values
-            else UndecodableError("keys")
-        )
+        raise UndecodableError("other keys")
     values = {key: value for key, value in values.items() if value is not None}
     for key in ("scans", "poses"):
         if not isinstance(values.get(key), str):
@@ -73,6 +71,8 @@ def drive_of(content: bytes) -> Drive:
         _band(values.get(key))
     up, world_up = values.get("up", "z"), values.get("world_up", "z")
     pose_format = values.get("pose_format", "kitti")
+    if not all(isinstance(word, str) for word in (up, world_up, pose_format)):
+        raise UndecodableError("a word of another type")
     if up not in _UP or world_up not in (*_UP, "sensor") or pose_format not in ("kitti", "tum"):
         raise UndecodableError("an unknown word")
     if not isinstance(values.get("name", "x"), str) or not isinstance(values.get("format"), str):

@@ -48,7 +48,7 @@ def _letter(descr: object) -> str:
     """The layout of one number."""
     if not isinstance(descr, str):
         raise UndecodableError("an array of records")
-    order, kind = ("=", descr) if descr[:1] not in "<>|=" else (descr[0], descr[1:])
+    order, kind = (descr[0], descr[1:]) if descr[:1] in ("<", ">", "|", "=") else ("=", descr)
     if kind not in _LETTERS:
         raise UndecidedError  # NumPy knows other names of its types, too
     return (">" if order == ">" else "<") + _LETTERS[kind]

@@ -48,6 +48,9 @@ def nclt(content: bytes) -> Points:
     if not content or len(content) % 8:
         raise UndecodableError("no whole number of records")
     hits = struct.iter_unpack("<HHHBB", content)
+    # A record of zeros is a missing return, not a point 173 m away.
     return returns(
-        (x * 0.005 - 100.0, -(y * 0.005 - 100.0), -(z * 0.005 - 100.0)) for x, y, z, _, _ in hits
+        (x * 0.005 - 100.0, -(y * 0.005 - 100.0), -(z * 0.005 - 100.0))
+        for x, y, z, _, _ in hits
+        if x or y or z
     )

@@ -37,6 +37,7 @@ def formats() -> Iterator[Format]:
             (raw(file),),
             partial(_scans, file),
             lambda files, decode=decode, file=file: decode(files[file]),
+            foreign=True,
         )
     yield Format(
         "bag folder",
@@ -55,6 +56,7 @@ def formats() -> Iterator[Format]:
         (forged, forged, forged, raw("a.mcap")),
         partial(_scans, "a.mcap"),
         lambda files: bags.mcap(files["a.mcap"]),
+        foreign=True,
     )
     yield Format(
         "PointCloud2",
@@ -69,8 +71,7 @@ def formats() -> Iterator[Format]:
 def _scans(file: str, folder: Path) -> Any:
     found = []
     for scan in bag_scans(folder / file):
-        points = [p for p in scan.points.tolist() if all(map(math.isfinite, p)) and any(p)]
-        found.append([scan.stamp, points])
+        found.append([scan.stamp, _kept(scan.points)])
     return found
 
 
@@ -123,6 +124,11 @@ def _points(folder: Path) -> Any:
         **{"point_step": read.point_step, "row_step": read.row_step, "fields": fields},
     }
     points = cloud_points(SimpleNamespace(**values, data=np.frombuffer(read.data, np.uint8)))
+    return _kept(points)
+
+
+def _kept(points: Any) -> Any:
+    """Points without missing returns, which messages may hold."""
     return [p for p in points.tolist() if all(map(math.isfinite, p)) and any(p)]
 
 

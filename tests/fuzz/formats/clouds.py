@@ -1,6 +1,5 @@
 """Scans: .bin records of every layout, PCD, PLY and NPY."""
 
-import math
 import struct
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -76,15 +75,14 @@ def _scan(
         tuple(mutations),
         lambda folder: _points(folder / file, binary),
         lambda files: decode(files[file]),
+        foreign=True,
     )
 
 
 def _points(path: Path, binary: str | None) -> Any:
     cloud = read_scan(path, binary)
-    kept = [p for p in cloud.tolist() if all(map(math.isfinite, p)) and any(p)]
-    if kept:
-        _RASTER(np.array(kept, np.float32), -1.8)
-    return kept
+    _RASTER(cloud, -1.8)
+    return cloud.tolist()
 
 
 def _nclt(metres: float) -> int:

@@ -47,7 +47,14 @@ def _table(
     layout = name.split()[0]
     layout = layout if layout in ("nclt", "mulran", "helipr", "kitti") else "custom"
     mutations = (text(file), text(file), text(file), *more, *more, raw(file))
-    return Format(name, lambda _: files, mutations, lambda folder: _session(layout, folder), decode)
+    return Format(
+        name,
+        lambda _: files,
+        mutations,
+        lambda folder: _session(layout, folder),
+        decode,
+        foreign=True,
+    )
 
 
 def _session(layout: str, folder: Path) -> Any:
