@@ -110,7 +110,7 @@ def _csv(content: bytes, skip: int) -> list[list[str]]:
     try:
         lines = content.decode("utf-8-sig")
         for _ in range(skip):
-            lines = lines.partition("\n")[2]
+            lines = re.split(r"\r\n|\n|\r", lines, maxsplit=1)[-1]
         return [row for row in csv.reader(io.StringIO(lines, newline=""), strict=True) if row]
     except (csv.Error, ValueError):
         raise UndecodableError("no CSV") from None

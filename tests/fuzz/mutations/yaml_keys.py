@@ -49,6 +49,14 @@ _TEXTS = (
 )
 
 
+def _laughs(levels: int) -> str:
+    """Aliases of aliases: a few lines that stand for ten to the power of ``levels`` values."""
+    rows = ["&a0 [0, 0, 0, 0, 0, 0, 0, 0, 0, 0]"]
+    for k in range(1, levels):
+        rows.append(f"&a{k} [{', '.join(10 * [f'*a{k - 1}'])}]")
+    return f"[{', '.join(rows)}]"
+
+
 def yaml_keys(name: str) -> Mutation:
     """One to three keys with other values, twice, missing or misspelt."""
 
@@ -75,6 +83,9 @@ def yaml_keys(name: str) -> Mutation:
                 )
                 lines[k] = f"{key}: {value!r}"
                 done.append(lines[k][:50])
+            elif kind == 4 and rng.random() < 0.2:
+                lines[k] = f"{key}: {_laughs(rng.choice((3, 8)))}"
+                done.append(f"{key} of aliases")
             elif kind == 4 and rng.random() < 0.1:
                 lines[k] = f"{key}: " + "[" * 3000 + "]" * 3000
                 done.append(f"{key} nested deeply")
