@@ -155,7 +155,7 @@ def test_files_that_cannot_be_read(tmp_path):
     with pytest.raises(DeepringError, match=r"none\.yaml: cannot be read"):
         read_drives(tmp_path / "none.yaml")
     (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00\xd8")
-    with pytest.raises(DeepringError, match=r"bytes\.yaml: cannot be read"):
+    with pytest.raises(DeepringError, match=r"bytes\.yaml: is not text"):
         read_drives(tmp_path / "bytes.yaml")
 
 

@@ -5,6 +5,8 @@ from pathlib import Path
 
 from deepring.cli.console import console
 from deepring.cli.options import expect_new, network_of, open_drive
+from deepring.cli.warnings import warn
+from deepring.data.left_out import LeftOut
 from deepring.io.files import replacing
 from deepring.localization.graph_files import g2o_lines, json_text, tum_lines
 from deepring.localization.location import AcceptanceThresholds
@@ -24,8 +26,10 @@ def loops_command(args: argparse.Namespace) -> None:
     network = network_of(args.checkpoint)
     session, ground_z = open_drive(args)
     empty = Map(network, ground_z, thresholds=AcceptanceThresholds(args.fit, args.ratio))
+    left_out = LeftOut()
     with progress_bar(f"{session.name}: looking back") as bar:
-        graph = find_loops(session, empty, settings, bar)
+        graph = find_loops(session, empty, settings, bar, left_out)
+    warn(str(left_out))
     contents = {
         "g2o": "\n".join(g2o_lines(graph)) + "\n",
         "tum": "\n".join(tum_lines(graph)) + "\n",

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from deepring.cli.parser import Names, Parser, number
+from deepring.cli.warnings import say_skipped
 from deepring.errors import DataError, FileError
 
 if TYPE_CHECKING:
@@ -90,6 +91,7 @@ def open_drive(args: argparse.Namespace) -> "tuple[Session, float]":
 
     format = args.format or detect_format(args.root)
     session = open_session(format, args.root, args.session)
+    say_skipped(session)
     return session, ground_of(session, format) if args.ground_z is None else args.ground_z
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from deepring.data.left_out import LeftOut
 from deepring.data.packed_rasters import Rasters, pack
 from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
@@ -27,7 +28,7 @@ from deepring.rasters import Raster, raster_settings
 log = logging.getLogger(__name__)
 
 #: Increase this when a code change alters the rasters of the same settings.
-RASTER_VERSION = 1
+RASTER_VERSION = 2
 
 #: Rows per query; SQLite accepts only a few thousand values per query.
 QUERY_ROWS = 400
@@ -107,16 +108,20 @@ class RasterCache:
 def load_rasters(
     cache: RasterCache, scans: ScanSet, raster: Raster, what: str, bar: Bar = progress_bar
 ) -> tuple[ScanSet, Rasters]:
-    """The readable scans of a set and their rasters; logs broken scans.
+    """The readable scans of a set and their rasters; logs those that are left out.
 
-    Raises DataError if all scans are broken. ``what`` names the set in messages.
+    Raises DataError if no scan is left, or too many cannot be used; see
+    `deepring.data.left_out.LeftOut`. ``what`` names the set in messages.
     """
     with bar(what) as progress:
         readable, rasters, broken = cache.load(scans, raster, progress)
     if not len(readable):
         raise DataError(f"{what}: none of {len(scans)} scans can be read; first: {broken[0]}")
+    left_out = LeftOut(what, len(scans))
+    for reason in broken:
+        left_out.add(reason)
     if broken:
-        log.warning("%s: skipped %d broken scans; first: %s", what, len(broken), broken[0])
+        log.warning("%s", left_out)
     return readable, rasters
 
 
