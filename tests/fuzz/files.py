@@ -1,11 +1,14 @@
 """The files of one format: a few small ones by their names, of which some are mutated."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 from typing import Any
+
+from deepring.errors import DeepringError
 
 _TIME = 1_700_000_000  # seconds
 
@@ -22,6 +25,16 @@ class UndecodableError(Exception):
 
 class UndecidedError(Exception):
     """The format does not say how these files are to be read."""
+
+
+@contextmanager
+def in_memory() -> Iterator[None]:
+    """What is done with what was read: its errors need not name the file."""
+    try:
+        yield
+    except DeepringError as error:
+        error.in_memory = True  # type: ignore[attr-defined]
+        raise
 
 
 @dataclass(frozen=True)
@@ -42,8 +55,6 @@ class Format:
     """Whether using the files leaves others beside them, which are removed before the next."""
     foreign: bool = False
     """Whether others define the format: then what the decoder reads should not be refused."""
-    names_file: bool = True
-    """Whether the reader knows the file, and has to name it."""
 
 
 def written(folder: Path, files: Mapping[str, bytes]) -> None:

@@ -60,7 +60,8 @@ def outcome_of(
     except TimedOut as error:
         return Outcome(HANG, _where(error))
     except DeepringError as error:
-        return _refusal(format, files, error, folder if format.names_file else None, caught)
+        named = None if hasattr(error, "in_memory") else folder
+        return _refusal(format, files, error, named, caught)
     except Exception as error:
         kind = MEMORY if _out_of_memory(error) else EXCEPTION
         words = f"{type(error).__name__}: {_short(error)} in {_where(error)}"
@@ -98,9 +99,7 @@ def message_fault(error: DeepringError, folder: Path | None) -> str | None:
         return f"{len(text) // 1000}000 characters and more"
     for cause in _causes(error):
         words = str(cause).strip()
-        library = not isinstance(cause, DeepringError | OSError | KeyError | UnicodeError)
-        library = library and not type(cause).__module__.startswith("deepring")
-        if library and len(words) >= _QUOTE and words in text:
+        if not _is_own(cause) and len(words) >= _QUOTE and words in text:
             return f"the words of {type(cause).__name__}"
     return None
 
@@ -171,6 +170,14 @@ def _causes(error: BaseException) -> Iterator[BaseException]:
             seen.add(id(cause))
             yield cause
             left += [cause.__cause__, cause.__context__]
+
+
+def _is_own(error: BaseException) -> bool:
+    """Whether the words of an error are the package's, or may be told as they are."""
+    if isinstance(error, DeepringError | OSError | KeyError | UnicodeError):
+        return True
+    frames = traceback.extract_tb(error.__traceback__)
+    return bool(frames) and "/deepring/" in frames[-1].filename
 
 
 def _out_of_memory(error: BaseException) -> bool:

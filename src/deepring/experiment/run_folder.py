@@ -20,6 +20,7 @@ from omegaconf import OmegaConf
 
 from deepring.errors import ConfigError, FileError
 from deepring.io.files import replacing
+from deepring.io.text import read_text
 from deepring.io.typed import typed, typed_values
 from deepring.io.yaml_aliases import MOST_VALUES, expanded_size
 
@@ -50,14 +51,12 @@ def read_config(path: Path) -> dict[str, Any]:
     Raises FileError if the file cannot be read, holds no config, or one with values of other types
     than those by which runs are compared.
     """
+    text = read_text(path, _CONFIG)
     try:
-        text = path.read_text(encoding="utf-8-sig")
         # What was recorded is resolved. Another's file must not ask for this machine's variables.
         if "${" in text or expanded_size(yaml.safe_load(text)) > MOST_VALUES:
             raise ValueError("interpolations, or aliases within aliases")
         config = OmegaConf.to_container(OmegaConf.load(StringIO(text)))
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror}); {_EXPECTED}") from None
     except Exception:  # invalid tags, numbers and nestings raise many types beside YAMLError
         raise FileError(f"{path}: is not YAML of plain values; {_EXPECTED}") from None
     if not isinstance(config, dict) or not config:
@@ -81,7 +80,8 @@ _COMPARED: dict[str, Any] = {
     **dict.fromkeys(("train_data", "test_data", "methods"), _NODES),
 }
 _RADII = "config.evaluation.radii"
-_EXPECTED = "expected the config of a run; delete that folder to begin it again, or leave it out"
+_CONFIG = "the config of a run; delete that folder to begin it again, or leave it out"
+_EXPECTED = f"expected {_CONFIG}"
 
 
 def is_first_process() -> bool:

@@ -80,6 +80,8 @@ def _header(content: bytes) -> tuple[dict[str, list[str]], bytes]:
             raise UndecodableError("a header line twice")
         header[key] = values
     for key in ("FIELDS", "SIZE", "TYPE"):
+        if key not in header and key == "SIZE" and header["DATA"][:1] == ["ascii"]:
+            raise UndecidedError  # text has no sizes
         if key not in header:
             raise UndecodableError(f"no {key} line")
     return header, content[at:]

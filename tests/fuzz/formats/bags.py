@@ -16,7 +16,7 @@ from deepring.data.scans.bag_files import bag_scans
 from deepring.data.scans.point_cloud2 import cloud_points
 from fuzz.decoders import bags
 from fuzz.decoders.cloud_message import CloudMessage, encoded, of_cdr, points_of
-from fuzz.files import Files, Format, Mutation, read_back
+from fuzz.files import Files, Format, Mutation, in_memory, read_back
 from fuzz.mutations.messages import changed_message, forged_messages, mcap
 from fuzz.mutations.raw import raw
 from fuzz.mutations.text import text
@@ -64,7 +64,6 @@ def formats() -> Iterator[Format]:
         (_in_memory(messages[0]),),
         _points,
         _decoded,
-        names_file=False,
     )
 
 
@@ -123,7 +122,8 @@ def _points(folder: Path) -> Any:
         **{"height": read.height, "width": read.width, "is_bigendian": bool(read.bigendian)},
         **{"point_step": read.point_step, "row_step": read.row_step, "fields": fields},
     }
-    points = cloud_points(SimpleNamespace(**values, data=np.frombuffer(read.data, np.uint8)))
+    with in_memory():
+        points = cloud_points(SimpleNamespace(**values, data=np.frombuffer(read.data, np.uint8)))
     return _kept(points)
 
 

@@ -19,7 +19,7 @@ from deepring.methods.network_file import (
     write_network,
 )
 from fuzz.decoders import sealed
-from fuzz.files import Files, Format, UndecodableError, read_back
+from fuzz.files import Files, Format, UndecodableError, in_memory, read_back
 from fuzz.mutations.raw import raw
 from fuzz.mutations.sealed import forged_layout, forged_tensors, forged_values
 from fuzz.mutations.values import changed
@@ -60,9 +60,10 @@ def _described(path: Path) -> Any:
     """What a network's file states, its weights, and whether it describes a scan."""
     network = load_network(path)
     method = network.method
-    image = torch.from_numpy(np.asarray(method.raster(_SCAN, -1.8)))[None]
-    descriptor = method.describe(image)
-    method.compare(descriptor, descriptor)
+    with in_memory():
+        image = torch.from_numpy(np.asarray(method.raster(_SCAN, -1.8)))[None]
+        descriptor = method.describe(image)
+        method.compare(descriptor, descriptor)
     weights = {
         k: v.contiguous().reshape(-1).view(torch.uint8).numpy().tobytes()
         for k, v in weights_of(method).items()

@@ -25,13 +25,12 @@ from deepring.evaluation.scoring import find_pairs, score_pair
 from deepring.localization.alignment import AlignmentSettings
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.map import Map
-from deepring.methods.registry import register_method  # noqa: F401
 from deepring.methods.scan_context import ScanContext
 from deepring.rasters import ContextRaster
 from deepring.search.code import CodeSettings
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
 from fuzz.decoders import sealed
-from fuzz.files import Files, Format, Mutation, UndecodableError, read_back
+from fuzz.files import Files, Format, Mutation, UndecodableError, in_memory, read_back
 from fuzz.mutations.raw import raw
 from fuzz.mutations.sealed import (
     entries_of,
@@ -108,11 +107,12 @@ def _located(folder: Path) -> Any:
         "candidates": place_map.rerank.candidates,
         "extent": place_map.raster.extent,
     }
-    location = place_map.localize(_QUERY)
-    numbers = [location.x, location.y, location.yaw, location.similarity, location.fit]
-    if not all(map(math.isfinite, numbers)) or math.isnan(location.ratio):
-        held["location"] = numbers
-    place_map.add([_QUERY], np.eye(4)[None], ["further"])
+    with in_memory():
+        location = place_map.localize(_QUERY)
+        numbers = [location.x, location.y, location.yaw, location.similarity, location.fit]
+        if not all(map(math.isfinite, numbers)) or math.isnan(location.ratio):
+            held["location"] = numbers
+        place_map.add([_QUERY], np.eye(4)[None], ["further"])
     return held
 
 
@@ -148,11 +148,12 @@ def _searched(folder: Path) -> Any:
     index = CorrelationIndex.open(folder / "index", check=True)
     query = torch.rand(2, 12, 10, generator=torch.Generator().manual_seed(1))
     unsound = []
-    for exhaustive in (True, False) if index.code is not None else (True,):
-        hits = index.search(query, 3, exhaustive=exhaustive)
-        if not bool(torch.isfinite(hits.score).all()):
-            unsound.append("scores")
-    index.add(query)
+    with in_memory():
+        for exhaustive in (True, False) if index.code is not None else (True,):
+            hits = index.search(query, 3, exhaustive=exhaustive)
+            if not bool(torch.isfinite(hits.score).all()):
+                unsound.append("scores")
+        index.add(query)
     return {
         "period": index.period,
         "cells": index.cells,

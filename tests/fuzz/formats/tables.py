@@ -1,6 +1,7 @@
 """Pose tables of every layout, calib.txt, times.txt, and the file that describes a custom drive."""
 
 import math
+import re
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from decimal import Decimal
@@ -261,8 +262,8 @@ def _custom_poses(files: Mapping[str, bytes]) -> Any:
 
 
 def _lines(content: bytes) -> list[str]:
-    lines = [line.partition("#")[0].strip() for line in content.decode("utf-8-sig").splitlines()]
-    return [line for line in lines if line]
+    lines = re.split(r"\r\n|\n|\r", content.decode("utf-8-sig"))
+    return [line for line in (line.partition("#")[0].strip() for line in lines) if line]
 
 
 def _nanoseconds(line: str) -> int:
