@@ -94,8 +94,9 @@ def _scans(bag: Bag, path: Path, topic: str | None, every: int) -> Iterator[BagS
         if damage:
             of = f" of {expected}" if bag.counted else ""
             rest = "" if bag.counted else "; how many more there were is unknown"
+            file = f"{part.file.path.name}: " if len(bag.parts) > 1 else ""
             raise BrokenScanError(
-                f"{read}{of} messages on {name} read{rest}: {damage}. {advice(part.file)}"
+                f"{read}{of} messages on {name} read{rest}: {file}{damage}. {advice(part.file)}"
             )
     if read != expected:
         raise BrokenScanError(
