@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.data.poses.pose_tables import rigid_rows
+from deepring.data.poses.rigid import rigid_rows
 from deepring.errors import ConfigError, DataError
 from deepring.localization.scan_points import real_array
 

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from deepring.core.rigid import pose_from
 from deepring.data.poses.pose_tables import (
-    NANOSECONDS,
     poses_from_quaternions,
     poses_from_rows,
     read_table,
-    rigid_rows,
+    stamped_rows,
 )
+from deepring.data.poses.rigid import rigid_rows, rotation_problem
+from deepring.data.poses.stamps import seconds_text
 from deepring.data.readers import binary_formats
 from deepring.data.readers.custom.custom_scans import UP, CustomScans
 from deepring.data.readers.custom.drive_file import (
@@ -31,7 +32,6 @@ from deepring.data.session import Session, SkippedScans
 from deepring.errors import ConfigError, DataError, FileError
 
 _KITTI_ROW = np.dtype([("values", np.float64, (12,))])
-_TUM_ROW = np.dtype([("seconds", np.float64), ("values", np.float64, (7,))])
 _BYTE = np.dtype("u1")
 
 
@@ -158,16 +158,17 @@ def _pose_rows(drive: DriveDescription) -> tuple[NDArray[np.float64], NDArray[np
 
 def _tum(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     row = "stamp x y z qx qy qz qw, separated by blanks (pose_format: tum)"
-    rows = read_table(path, _TUM_ROW, None, row)
-    seconds, values = rows["seconds"], rows["values"]
-    # Also rejects NaN. Rows out of order would silently go to the wrong scans.
-    if not (np.abs(seconds) < 9e9).all() or (np.diff(seconds) < 0).any():
+    rows = read_table(path, stamped_rows(7), None, row, seconds=True)
+    stamps, values = np.asarray(rows["stamp"], dtype=np.int64), rows["values"]
+    # Rows out of order would silently go to the wrong scans.
+    falling = np.flatnonzero(stamps[1:] < stamps[:-1])
+    if len(falling):
+        k = int(falling[0])
         raise DataError(
-            f"{path}: first column from {seconds[0]} to {seconds[-1]}; expected seconds in "
-            "ascending order, that of the scans' names"
+            f"{path}: stamp {seconds_text(stamps[k + 1])} follows {seconds_text(stamps[k])}; "
+            "expected seconds in ascending order, that of the scans' names"
         )
-    poses = _rigid(poses_from_quaternions(values), path)
-    return poses, np.rint(seconds * NANOSECONDS).astype(np.int64)
+    return _rigid(poses_from_quaternions(values), path), stamps
 
 
 def _expect_upright(poses: NDArray[np.float64], drive: DriveDescription) -> None:
@@ -178,6 +179,7 @@ def _expect_upright(poses: NDArray[np.float64], drive: DriveDescription) -> None
             f"{drive.file}: up: {drive.up}, world_up: {drive.world_up}; with these, scans are "
             f"tilted by {tilt:.0f}° in half of the poses, expected at most 60°. Set up to the axis "
             "of the scans that points up, and world_up to that of the poses' world"
+            + ("; quaternions are read as qx qy qz qw" if drive.pose_format == "tum" else "")
         )
 
 
@@ -185,9 +187,8 @@ def _rigid(poses: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
     bad = np.flatnonzero(~rigid_rows(poses))
     if len(bad):
         raise DataError(
-            f"{path}: pose {bad[0] + 1} of {len(poses)} is not rigid ({len(bad)} are not); "
-            "expected finite numbers and a rotation. Check pose_format, or remove the pose and "
-            "its scan"
+            f"{path}: pose {bad[0] + 1} of {len(poses)} is not rigid ({len(bad)} are not): "
+            f"{rotation_problem(poses[bad[0]])}. Check pose_format, or remove the pose and its scan"
         )
     return poses
 
