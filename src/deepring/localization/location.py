@@ -47,7 +47,8 @@ class AcceptanceThresholds:
 
     A ratio is infinite where no candidate puts the scan elsewhere: nothing was compared, and a fit
     of at least `FIT_WITHOUT_RIVAL` and `CELLS_WITHOUT_RIVAL` are asked in place of the ratio. A
-    ``ratio`` of 0 asks for no comparison. Whatever the thresholds, images of less than `FEW_CELLS` are not trusted.
+    ``ratio`` of 0 asks for no comparison. Whatever the thresholds, images of less than `FEW_CELLS`
+    are not trusted.
 
     Raises ConfigError for thresholds that are not numbers.
     """
