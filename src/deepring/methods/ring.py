@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float, Shaped
 from torch import Tensor
 
-from deepring.checks import of_type, one_of
+from deepring.checks import count, of_type, one_of
 from deepring.core.correlation import Form, circular_cross_correlation, shift_to_turn
 from deepring.core.radon import radon
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
@@ -41,7 +41,9 @@ class Ring(FixedMethod):
         self.raster = self.raster_class() if raster is None else raster
         of_type(f"{self.label}: raster", self.raster, self.raster_class)
         one_of(f"{self.label}: correlation", correlation, Form)
-        self.angles, self.bins, self.correlation = angles, bins, correlation
+        self.angles = count(f"{self.label}: angles", angles)
+        self.bins = count(f"{self.label}: bins", bins)
+        self.correlation = correlation
 
     @torch.no_grad()
     def describe(
