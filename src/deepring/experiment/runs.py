@@ -104,13 +104,18 @@ def _commits(folder: Path) -> list[str]:
     for path in sorted(folder.glob("versions*.json")):
         try:
             commit = json.loads(path.read_text(encoding="utf-8"))["git_commit"]
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
             raise FileError(
                 f"{path}: no git_commit can be read; expected the versions of a run; delete the "
                 "file to go on without it"
             ) from None
+        if not isinstance(commit, str | None):
+            raise FileError(
+                f"{path}: git_commit: a {type(commit).__name__}, expected text; delete the file to "
+                "go on without it"
+            )
         if commit is not None:
-            commits.append(str(commit))
+            commits.append(commit)
     return commits
 
 

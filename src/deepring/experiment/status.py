@@ -43,7 +43,7 @@ def read_status(folder: Path) -> Status | None:
         reason = str(error)
     except OSError as error:
         reason = f"cannot be read ({error.strerror})"
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, RecursionError):
         reason = "does not hold a status as JSON"
     raise FileError(
         f"{path}: {reason}; expected the status of a run; delete the file to run it again"
@@ -56,7 +56,7 @@ def _checked(status: Status) -> Status:
     if not isinstance(status.error, str | None):
         raise DataError(f"error: {status.error!r}, expected text")
     for name, value in numbers.items():
-        if not isinstance(value, float | int | None):
+        if value is not None and not checks.is_number(value):
             raise DataError(f"{name}: {value!r}, expected a number")
     return status
 
