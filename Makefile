@@ -14,8 +14,8 @@ nothing :=
 space := $(nothing) $(nothing)
 SWEEP := seed=$(subst $(space),$(comma),$(strip $(SEEDS))) hydra/launcher=joblib
 
-.PHONY: help install demo ablations compare weights test test-slow lint coverage mutation hooks \
-  fuzz bench clean
+.PHONY: help install demo ablations compare weights test test-slow kill fuzz lint coverage mutation \
+  hooks bench clean
 
 help:
 	@echo "make demo       simulate, train, evaluate, print the results (SEED=0)"
@@ -24,6 +24,7 @@ help:
 	@echo "make weights    train the network that comes with the package, on separate worlds"
 	@echo "make test       lint, types, import directions and the default tests"
 	@echo "make test-slow  the long tests"
+	@echo "make kill       kill every long command at random instants, and start it again (KILLS=20)"
 	@echo "make lint       formatting, lint, types and import directions, without tests"
 	@echo "make coverage   the default tests with coverage of the package, lines and branches"
 	@echo "make mutation   mutants of core/ and the metrics that no test kills (MUTANTS='deepring.core.radon*')"
@@ -87,6 +88,10 @@ test: install lint
 
 test-slow: install
 	$(BIN)/python -m pytest -m slow
+
+KILLS ?= 20
+kill: install
+	KILLS=$(KILLS) $(BIN)/python -m pytest -m kill -s tests/kill
 
 lint: install
 	$(BIN)/ruff format --check .

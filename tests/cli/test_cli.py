@@ -13,6 +13,7 @@ import torch
 
 from deepring import __version__
 from deepring.cli.commands import COMMANDS
+from deepring.experiment.status import read_status
 from helpers.cli import DEEPRING, SMALL, deepring, deepring_process, refused
 
 
@@ -208,6 +209,7 @@ def test_an_interrupted_training_says_how_to_go_on_and_does(tiny_nclt, tmp_path)
     assert running.returncode == 130, errors
     assert "Traceback" not in errors
     assert "resume=outputs/demo/" in errors
+    assert read_status(checkpoint.parents[1].resolve()).state == "interrupted"
     epoch = torch.load(checkpoint, weights_only=True)["epoch"]
     resume = f"resume={checkpoint.relative_to(tmp_path)}"
     further = deepring("train", *options, resume, f"trainer.max_epochs={epoch + 2}", cwd=tmp_path)

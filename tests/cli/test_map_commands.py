@@ -179,8 +179,27 @@ def test_bags_as_a_user_types_them(place_map, second, tmp_path, here):
     refused(here(*localize, "--topic", "/left"), "drive.bag", "cut short")
     (tmp_path / "drive.bag").unlink()
     chat = write_bag(tmp_path, "mcap", {"/chat": ["hello"]})
-    refused(here("localize", place_map, chat), "/chat (std_msgs/msg/String)")
+    refused(here("localize", place_map, chat), "/chat (std_msgs/msg/String, 1 message)")
     assert {path.name for path in tmp_path.iterdir()} == {"drive"}
+
+
+def test_a_bag_of_which_nothing_or_a_part_is_read_is_a_failure(place_map, second, tmp_path, here):
+    clouds = [message(second.points(k)) for k in range(2)]
+    bag = write_bag(tmp_path, "mcap", {"/points": clouds})
+    whole = bag.read_bytes()
+    bag.write_bytes(whole[:-20])
+    done = here("localize", place_map, bag, "--as", "json")
+    assert done.returncode != 0
+    assert [json.loads(line)["stamp"] for line in done.stdout.splitlines()] == [
+        START,
+        START + 10**8,
+    ]
+    refused(done, "2 messages on /points read", "how many more there were is unknown")
+    bag.unlink()
+    (bag.parent / "metadata.yaml").unlink()
+    bag.parent.rmdir()
+    empty = write_bag(tmp_path, "folder", {"/points": []})
+    refused(here("localize", place_map, empty), "topic /points has no messages")
 
 
 def test_what_is_wrong_with_a_message_does_not_hide_those_before(place_map, second, tmp_path, here):
@@ -194,8 +213,8 @@ def test_what_is_wrong_with_a_message_does_not_hide_those_before(place_map, seco
     stamps = [json.loads(line)["stamp"] for line in done.stdout.splitlines()]
     assert stamps == [START + 10**8, None]
     errors = [line for line in done.stderr.splitlines() if line.startswith("error")]
-    assert f"{bag} at {START} ns: scan: no points" in errors[0]
-    assert f"{bag}, /points at {START + 2 * 10**8} ns: PointCloud2: fields range" in errors[1]
+    assert f"{bag}, /points at {START} ns: no points" in errors[0]
+    assert f"{bag}, /points at {START + 2 * 10**8} ns: PointCloud2: fields 'range'" in errors[1]
 
 
 def test_a_sensor_at_another_height_says_where_the_ground_is(place_map, second, tmp_path, here):

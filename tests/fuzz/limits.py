@@ -65,6 +65,6 @@ def _time_is_up(*_: object) -> None:
 
 def _address_space() -> int:
     try:
-        return int(Path("/proc/self/statm").read_text().split()[0]) * _PAGE
+        return int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]) * _PAGE
     except OSError:  # not Linux
         return resource.RLIM_INFINITY // 2 if resource.RLIM_INFINITY > 0 else 1 << 46

@@ -11,11 +11,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 from rich.table import Table
 
 from deepring.cli.console import console
 from deepring.cli.mistakes import MISTAKE, error_message
+from deepring.cli.visible import visible
 from deepring.cli.warnings import say_skipped
 from deepring.data.readers import open_session
 from deepring.data.readers.custom.drive_file import is_drive_file
@@ -58,7 +58,7 @@ def localize_command(args: argparse.Namespace) -> None:
     if rows or not failures:
         _PRINT[args.form](rows)
     for message in failures:
-        print(f"error: {message}", file=sys.stderr)
+        print(f"error: {visible(message)}", file=sys.stderr)
     if failures:
         sys.exit(1 if rows else MISTAKE)
 
@@ -102,8 +102,8 @@ def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
         for k in range(0, len(session), args.every):
             yield Scan(session.files[k], stamps[k], partial(session.points, k), ground_z)
     elif is_bag(file):
-        for stamp, points in bag_scans(file, args.topic, args.every):
-            yield Scan(file, stamp, partial(np.asarray, points), args.ground_z)
+        for stamp, read in bag_scans(file, args.topic, args.every):
+            yield Scan(file, stamp, read, args.ground_z)
     else:
         yield Scan(file, None, partial(read_scan, file, args.format), args.ground_z)
 

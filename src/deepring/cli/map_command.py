@@ -62,7 +62,7 @@ def calibrate_map(args: argparse.Namespace) -> None:
     calibration = calibrate(trials, args.precision, tolerance)
     place_map.thresholds = calibration.thresholds
     place_map.save(args.output)
-    console.print(f"written      {args.output}", markup=False)
+    console.print(f"written      {args.output}")
     console.print(
         f"trust        fit {calibration.thresholds.fit:g}, ratio {calibration.thresholds.ratio:.3f}"
     )

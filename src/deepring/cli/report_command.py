@@ -13,5 +13,5 @@ def report_command(args: argparse.Namespace) -> None:
     if args.output is not None:
         expect_new(args.output)
     path = args.output or args.run / "report.html"
-    write_whole(path, [report(args.run, args.failures).encode()])
-    console.print(f"written      {path}", markup=False)
+    write_whole(path, [report(args.run, args.failures).encode("utf-8", "backslashreplace")])
+    console.print(f"written      {path}")

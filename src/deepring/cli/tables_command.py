@@ -58,7 +58,7 @@ def _show_comparison(comparison: MethodComparison, runs: Sequence[Run], folder: 
     panels, lacking = curve_panels(comparison, matches)
     if panels:
         for row in lacking:
-            console.print(f"no curve     {row}: no {FOLDER}/*.csv", markup=False)
+            console.print(f"no curve     {row}: no {FOLDER}/*.csv")
         _save(comparison_figure(panels, comparison.radius), folder / "pr_curves.png")
     else:
         console.print(f"no figure    no {FOLDER}/*.csv of Table I or II in the run folders")
@@ -72,13 +72,13 @@ def _write_shown(name: str, table: Table, folder: Path) -> None:
 def _write(path: Path, text: str) -> None:
     """Write a file, and print its path."""
     with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="")
-    console.print(f"{_WHAT[path.suffix]:<12} {path}", markup=False)
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace", newline="")
+    console.print(f"{_WHAT[path.suffix]:<12} {path}")
 
 
 def _save(figure: Figure, path: Path) -> None:
     save(figure, path)
-    console.print(f"figure       {path}", markup=False)
+    console.print(f"figure       {path}")
 
 
 _WHAT = {".md": "table", ".tex": "latex", ".csv": "numbers"}

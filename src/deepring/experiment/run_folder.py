@@ -42,7 +42,7 @@ def open_run_folder(record: Mapping[str, Any], folder: Path) -> None:
     }
     for name, text in texts.items():
         with replacing(folder / name) as temporary:
-            temporary.write_text(text)
+            temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def read_config(path: Path) -> dict[str, Any]:

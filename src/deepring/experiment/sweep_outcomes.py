@@ -105,7 +105,7 @@ def note_outcome(is_mistake: Callable[[Exception], bool]) -> Iterator[None]:
     hydra = HydraConfig.get()
     folder = Path(hydra.runtime.output_dir)
     path = Path(os.environ.get(OUTCOMES, folder.parent)) / f"{hydra.job.num:04d}.json"
-    attempts = json.loads(path.read_text())["attempts"] if path.is_file() else 0
+    attempts = json.loads(path.read_text(encoding="utf-8"))["attempts"] if path.is_file() else 0
     note = {"folder": str(folder), "error": KILLED, "attempts": attempts + 1}
     try:
         if attempts >= ATTEMPTS:
@@ -126,14 +126,14 @@ def note_outcome(is_mistake: Callable[[Exception], bool]) -> Iterator[None]:
 
 def _write(path: Path, note: dict[str, Any]) -> None:
     with replacing(path) as temporary:
-        temporary.write_text(json.dumps(note))
+        temporary.write_text(json.dumps(note), encoding="utf-8")
 
 
 def _notes() -> list[dict[str, Any]]:
     """The notes of this sweep's jobs, in their order."""
     folder = os.environ.get(OUTCOMES)
     paths = [] if folder is None else sorted(Path(folder).glob("*.json"))
-    return [json.loads(path.read_text()) for path in paths]
+    return [json.loads(path.read_text(encoding="utf-8")) for path in paths]
 
 
 def in_parallel() -> bool:
