@@ -57,7 +57,7 @@ def test_a_bag_without_clouds_lists_what_it_has(kind, tmp_path):
     path = write_bag(tmp_path, kind, {"/chat": ["hello"]})
     with pytest.raises(
         DeepringError,
-        match=r"no point clouds among its topics, /chat \(std_msgs/msg/String, 1 messages\)",
+        match=r"no point clouds among its topics, /chat \(std_msgs/msg/String, 1 message\)",
     ):
         next(bag_scans(path))
 

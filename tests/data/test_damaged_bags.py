@@ -130,9 +130,7 @@ def test_what_mcap_files_hold_besides_ros_is_named(tmp_path):
     path = tmp_path / "drive.mcap"
     foreign = mcap.schema(name="foxglove.PointCloud", encoding="protobuf")
     path.write_bytes(mcap.mcap(foreign + mcap.channel(encoding="protobuf") + MESSAGES[0]))
-    with pytest.raises(
-        DataError, match=r"no point clouds.*/points \(foxglove\.PointCloud, 1 message\)"
-    ):
+    with pytest.raises(DataError, match=r"no point clouds.*\(foxglove\.PointCloud, 1 message\)"):
         next(bag_scans(path))
     path.write_bytes(mcap.mcap(mcap.schema() + mcap.channel(encoding="json") + MESSAGES[0]))
     with pytest.raises(DataError, match="encoded as json; expected cdr or ros1"):
@@ -271,8 +269,10 @@ def test_compressed_files(tmp_path):
         ("storage_identifier: sqlite3", "storage_identifier: avro", "stored as 'avro'; expected"),
         ("- drive.db3", "- ../drive.db3", None),
         ("- drive.db3", "- drive_0.db3", "names drive_0.db3, which is missing"),
-        ("- drive.db3", "- /etc/passwd", "names passwd, which is missing"),
-        ("- drive.db3", "- 3", "names 3, which is missing"),
+        ("- drive.db3", "- /etc/passwd", "names passwd; expected a name with .db3"),
+        ("- drive.db3", "- ..", "names ..; expected a name with .db3"),
+        ("- drive.db3", "- drive.db3\n  - ./drive.db3", "names twice the same file"),
+        ("\n  - drive.db3", " []", "names no files"),
         ("relative_file_paths:", "other:", "its metadata.yaml is damaged"),
         ("message_count: 6", "message_count: many", "its metadata.yaml is damaged"),
     ],
@@ -289,6 +289,8 @@ def test_metadata_that_cannot_be_followed_says_why(old, new, words, tmp_path):
 
 def test_a_file_that_metadata_does_not_name_is_not_passed_over(tmp_path):
     path = write_bag(tmp_path, "folder", {"/points": CLOUDS})
+    shutil.copy(path / "drive.db3", path / "._drive.db3")
+    assert all_or_an_error(path)
     shutil.copy(path / "drive.db3", path / "drive_1.db3")
     assert "drive_1.db3 is in the folder and not in metadata.yaml" in read(path)[1]
 
@@ -357,6 +359,31 @@ def test_other_bytes_in_place_of_a_message_are_named(tmp_path):
         with pytest.raises(BrokenScanError, match=rf"/points at {START + 5} ns: "):
             second.read()
         assert np.array_equal([first.read(), third.read()], SCANS[:2])
+
+
+@every_kind
+def test_a_git_lfs_pointer_is_called_so(kind, tmp_path):
+    path = write_bag(tmp_path, kind, {"/points": CLOUDS})
+    pointer = f"version https://git-lfs.github.com/spec/v1\noid sha256:{0:064d}\nsize 9\n"
+    file_of(path).write_text(pointer)
+    with pytest.raises(FileError, match=r"drive\.\w+ is a Git LFS pointer, not the file itself"):
+        next(bag_scans(path))
+
+
+def test_a_bag_of_several_files_is_read_in_the_order_of_metadata(tmp_path):
+    path = write_bag(tmp_path, "folder", {"/points": CLOUDS})
+    shutil.copy(path / "drive.db3", path / "drive_1.db3")
+    metadata = path / "metadata.yaml"
+    text = metadata.read_text().replace("  - drive.db3", "  - drive_1.db3\n  - drive.db3")
+    metadata.write_text(text.replace("message_count: 6", "message_count: 12"))
+    found, error = read(path)
+    assert error is None
+    assert np.array_equal(found, [*SCANS, *SCANS])
+    change(path, "UPDATE messages SET data = 3 WHERE id = 2")  # in the first that is found
+    first = file_of(path).name
+    found, error = read(path)
+    assert f"of 12 messages on /points read: {first}: its table of messages" in error
+    assert len(found) == (7 if first == "drive.db3" else 1)
 
 
 def test_no_permission_is_no_damage(tmp_path, monkeypatch):

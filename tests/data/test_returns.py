@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deepring.data.scans.point_cloud2 import cloud_points
+from deepring.data.scans.point_cloud2 import cloud_records
 from deepring.data.scans.returns import is_return, scan_from
 from deepring.data.scans.scan_files import read_scan
 from deepring.data.session import Session
@@ -73,7 +73,7 @@ def ply(path, points):
 
 
 def cloud(path, points):
-    return cloud_points(message(points))
+    return scan_from(cloud_records(message(points)), path).points
 
 
 def pcd(path, points):

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from deepring.data.left_out import LeftOut
-from deepring.data.packed_rasters import Rasters, pack
+from deepring.data.packed_rasters import Rasters, pack, unpack
 from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DataError, FileError
@@ -28,7 +28,7 @@ from deepring.rasters import Raster, raster_settings
 log = logging.getLogger(__name__)
 
 #: Increase this when a code change alters the rasters of the same settings.
-RASTER_VERSION = 2
+RASTER_VERSION = 1
 
 #: Rows per query; SQLite accepts only a few thousand values per query.
 QUERY_ROWS = 400
@@ -57,7 +57,7 @@ class RasterCache:
         keys = _keys(scans, raster)
         broken: list[str] = []
         with self._database() as database:
-            rows = _find(database, keys)
+            rows = [_unless_blank(row, raster) for row in _find(database, keys)]
             missing = [k for k, row in enumerate(rows) if row is None]
             count = len(scans) - len(missing)
             if progress is not None:
@@ -187,6 +187,14 @@ def _find(database: sqlite3.Connection, keys: list[_Key]) -> list[bytes | None]:
             fresh = (size, changed) == (key.size, key.changed_ns)
             images.append(image if fresh else None)
     return images
+
+
+def _unless_blank(row: bytes | None, raster: Raster) -> bytes | None:
+    """The row; None if nothing is to be seen in it, as earlier versions stored some."""
+    if row is None:
+        return None
+    dtype = np.uint8 if raster.dtype == np.bool_ else raster.dtype
+    return None if raster.is_blank(unpack(np.frombuffer(row, dtype), raster)) else row
 
 
 def _store(database: sqlite3.Connection, rows: list[tuple[_Key, bytes | None]]) -> None:

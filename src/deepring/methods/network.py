@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import asdict
 from typing import Any, ClassVar, Self, cast
 
@@ -81,7 +82,17 @@ class NetworkMethod(nn.Module, ABC):
     @classmethod
     def from_fingerprint(cls, made_by: dict[str, Any]) -> Self:
         """The network that a `deepring.evaluation.fingerprint.fingerprint` is of, on 'meta'."""
-        return cls(cls.settings_class.from_dict(made_by["settings"])).to("meta")
+        return cls.without_weights(cls.settings_class.from_dict(made_by.get("settings")))
+
+    @classmethod
+    def without_weights(cls, settings: PlainSettings) -> Self:
+        """The network on the device 'meta'.
+
+        Networks of the package are made there, where weights of any size take no memory; those of
+        other classes are moved there, since their constructors may read what they make.
+        """
+        with torch.device("meta") if registry.is_packaged(cls) else nullcontext():
+            return cls(settings).to("meta")
 
     @property
     def raster(self) -> Raster:

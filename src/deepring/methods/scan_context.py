@@ -49,6 +49,11 @@ class ScanContext(FixedMethod):
             score = torch.where(is_candidate, score, -1.0)
         return Comparison(score, shift_to_turn(shift, queries.shape[-2]))
 
+    @property
+    def descriptor_shape(self) -> tuple[int, ...]:
+        """(θ, r) of one descriptor."""
+        return self.raster.shape
+
     def index(self, settings: SearchSettings | None = None) -> "ContextIndex":  # noqa: ARG002
         """Search by `compare`; takes no settings."""
         return ContextIndex(self.candidates)

@@ -9,6 +9,12 @@ from numpy.typing import NDArray
 from deepring import checks
 from deepring.errors import ConfigError, DataError
 
+#: Metres from a sensor to the farthest points that anybody asks for.
+FARTHEST = 10_000
+
+#: Cells along a side of the ground's grid.
+_MOST_CELLS = 4096
+
 
 @dataclass(frozen=True)
 class Preprocessing:
@@ -34,12 +40,18 @@ class Preprocessing:
     def __post_init__(self) -> None:
         height = checks.interval("preprocessing.height", self.height, "metres")
         object.__setattr__(self, "height", height)
-        if checks.count("preprocessing.window", self.window) % 2 == 0:
+        if checks.count("preprocessing.window", self.window, most=999) % 2 == 0:
             raise ConfigError(f"preprocessing.window: {self.window}, expected an odd number")
         if self.clearance is not None:
             checks.at_least("preprocessing.clearance", self.clearance, 0, "metres, or null,")
         for name in ("cell", "extent"):
-            checks.positive(f"preprocessing.{name}", getattr(self, name), "metres")
+            length = checks.positive(f"preprocessing.{name}", getattr(self, name), "metres")
+            checks.between(f"preprocessing.{name}", length, 0, FARTHEST, "metres")
+        if 2 * self.extent / self.cell > _MOST_CELLS:
+            raise ConfigError(
+                f"preprocessing.cell: {self.cell:g} m, expected at least 1/{_MOST_CELLS} of the "
+                f"{2 * self.extent:g} m across"
+            )
 
     @property
     def side(self) -> int:

@@ -92,7 +92,7 @@ def sectors_of(degrees: float) -> int:
     720
     """
     sectors = round(360 / degrees) if 0 < degrees <= 360 else 0
-    if not sectors or abs(sectors * degrees - 360) > 1e-6:
+    if not 0 < sectors < -PADDING or abs(sectors * degrees - 360) > 1e-6:
         raise ConfigError(f"voxels.degrees: {degrees!r}, expected a step that divides 360")
     return sectors
 

@@ -10,14 +10,21 @@ import torch
 from jaxtyping import Float, Float32, Int64
 from torch import Tensor
 
-from deepring.checks import count, one_of, share
+from deepring.checks import between, count, one_of, positive, share
 from deepring.core.correlation import shift_to_turn
 from deepring.errors import ConfigError, DataError, FileError
 from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
 from deepring.io.tensor_types import TensorType
 from deepring.search import exact
 from deepring.search.block_store import BlockStore
-from deepring.search.code import Code, CodeSettings, code_scores, fit_code
+from deepring.search.code import (
+    Code,
+    CodeSettings,
+    code_scores,
+    expect_code,
+    expect_shape,
+    fit_code,
+)
 from deepring.search.hits import Best, Hits
 from deepring.search.shards import INDEX, Shard, expect_block, read_shards, write_shard
 from deepring.search.spectra import Precision, encode, padded_spectra
@@ -55,6 +62,11 @@ class _IndexHeader:
     """(θ, ω) of the descriptors; None in an empty index."""
     shards: tuple[Shard, ...]
 
+    def __post_init__(self) -> None:
+        between("period", positive("period", self.period), 0, 2 * math.pi + 1e-6, "radians")
+        positive("cells", self.cells)
+        expect_shape(self.shape)
+
 
 FORMAT = SealedFormat(
     "index",
@@ -62,7 +74,7 @@ FORMAT = SealedFormat(
     _IndexHeader,
     {
         "basis": TensorType("float32", ("ω", "components"), optional=True),
-        "step": TensorType("float32", ("frequencies", "components"), optional=True),
+        "step": TensorType("float32", ("frequencies", "components"), optional=True, least=1e-36),
     },
     description="an index as CorrelationIndex.save writes it",
     remedy="build the index again and save it",
@@ -150,6 +162,12 @@ class CorrelationIndex:
             )
         else:
             best = self._among_candidates(queries, self.code, k, number)
+        if not bool((torch.isfinite(best.score) & (best.place >= 0)).all()):
+            raise DataError(
+                "index: places or queries whose similarity is no finite number; expected "
+                "descriptors of finite numbers; look for a training that diverged, or build the "
+                "index again"
+            )
         turn = shift_to_turn(best.shift, queries.shape[-2], self.period)
         return Hits(best.place, best.score / self.cells, turn)
 
@@ -252,15 +270,21 @@ class CorrelationIndex:
 
     def _take_code(self, basis: Tensor | None, step: Tensor | None) -> None:
         """Set the code of the present places. Raises DataError if the two do not match."""
-        self.code = None
-        if basis is not None and step is not None and self.shape is not None:
-            self.code = Code(basis.to(self.device), step.to(self.device), self._rows)
-        for block in self.places.blocks():
-            expect_block(block, self.shape, self.settings.precision, self.code)
-        if self.places and (self.code is None) != (self.settings.code is None):
+        self.code, settings, shape = None, self.settings.code, self.shape
+        if shape is None:
+            if self.places or basis is not None or step is not None:
+                raise DataError("shape: missing, expected (θ, ω) of the descriptors")
+            return
+        if basis is not None and step is not None and settings is not None:
+            code = Code(basis.to(self.device), step.to(self.device), self._rows)
+            self.code = expect_code(code, shape, settings)
+        elif basis is not None or step is not None or (self.places and settings is not None):
             raise DataError(
-                "codes: present but search.code is null, or missing; expected both or neither"
+                "codes: present but search.code is null, or missing, or without their basis or "
+                "step; expected all or none"
             )
+        for block in self.places.blocks():
+            expect_block(block, shape, self.settings.precision, self.code)
 
     @property
     def _rows(self) -> int:

@@ -121,12 +121,9 @@ def detect_format(root: Path | str) -> str:
             f"{base}: data of several formats ({', '.join(guesses)}); name the format, or choose "
             "the folder of one dataset"
         )
-    layouts = "\n".join(
-        f"  {reader.title}: {layout}" for reader in _readers() for layout in reader.layouts
-    )
     raise DataError(
-        f"{base}: no dataset of a known layout; expected the folder that contains one of "
-        f"these:\n{layouts}"
+        f"{base}: no dataset of a known layout; expected the folder that contains one of these:",
+        lines=[f"  {reader.title}: {layout}" for reader in _readers() for layout in reader.layouts],
     )
 
 
@@ -172,8 +169,10 @@ def _name_layouts(reader: Reader) -> Iterator[None]:
             f" This looks like a {reader_of(name).title} folder: use format {name}."
             for name in guesses
         )
-        layouts = "\n".join(f"  {layout}" for layout in reader.layouts)
-        raise DataError(f"{reader.title}: {error}.{advice} Accepted layouts:\n{layouts}") from None
+        raise DataError(
+            f"{reader.title}: {error}.{advice} Accepted layouts:",
+            lines=[f"  {layout}" for layout in reader.layouts],
+        ) from None
 
 
 def _format_of_file(root: Path) -> str | None:

@@ -10,6 +10,7 @@ from deepring.checks import count
 from deepring.data.scans.bags.clouds import CloudDecoder
 from deepring.data.scans.bags.opening import CONTAINERS, Bag, advice, open_bag
 from deepring.data.scans.bags.topics import CLOUD, cloud_topic
+from deepring.data.scans.names import ending_of
 from deepring.data.scans.point_cloud2 import cloud_records
 from deepring.data.scans.returns import scan_from
 from deepring.data.session import Points
@@ -31,7 +32,7 @@ class BagScan(NamedTuple):
 def is_bag(path: Path) -> bool:
     """True for a bag, by the file's ending or the folder's metadata.yaml."""
     if not path.is_dir():
-        return path.suffix in BAGS
+        return ending_of(path) in BAGS
     metadata = path / "metadata.yaml"
     return metadata.is_file() and b"rosbag2_bagfile_information" in metadata.read_bytes()
 
@@ -93,8 +94,9 @@ def _scans(bag: Bag, path: Path, topic: str | None, every: int) -> Iterator[BagS
         if damage:
             of = f" of {expected}" if bag.counted else ""
             rest = "" if bag.counted else "; how many more there were is unknown"
+            file = f"{part.file.path.name}: " if len(bag.parts) > 1 else ""
             raise BrokenScanError(
-                f"{read}{of} messages on {name} read{rest}: {damage}. {advice(part.file)}"
+                f"{read}{of} messages on {name} read{rest}: {file}{damage}. {advice(part.file)}"
             )
     if read != expected:
         raise BrokenScanError(

@@ -2,7 +2,9 @@
 
 import bz2
 import shutil
+import sys
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -99,14 +101,11 @@ def _lz4() -> Any:
 
 
 def _zstd() -> Any:
+    name = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
     try:
-        from backports.zstd import ZstdDecompressor
-    except ImportError:
-        try:
-            from compression.zstd import ZstdDecompressor  # type: ignore[import-not-found]
-        except ImportError as error:
-            raise _missing("zstd") from error
-    return ZstdDecompressor()
+        return import_module(name).ZstdDecompressor()
+    except ImportError as error:
+        raise _missing("zstd") from error
 
 
 def _missing(name: str) -> FileError:

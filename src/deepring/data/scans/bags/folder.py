@@ -8,6 +8,7 @@ import yaml
 
 from deepring.data.scans.bags.fields import text
 from deepring.data.scans.bags.storage import named_type
+from deepring.data.scans.names import files_with
 from deepring.errors import BrokenScanError, DataError, FileError
 
 _ENDINGS = {"mcap": ".mcap", "sqlite3": ".db3"}
@@ -32,7 +33,7 @@ def read_folder(path: Path) -> Folder:
     Raises:
         BrokenScanError: metadata.yaml is not that of a bag.
         DataError: a storage or a compression that is not read.
-        FileError: a file that is missing, or is there and not listed.
+        FileError: a file that is missing, or is there and not named.
     """
     try:
         whole = yaml.safe_load((path / "metadata.yaml").read_bytes())
@@ -58,12 +59,17 @@ def read_folder(path: Path) -> Folder:
 
 
 def _check_files(path: Path, names: list[str], ending: str) -> None:
-    """Raise FileError unless the listed files are those of the folder."""
+    """Raise an error unless the named files are those of the folder, each named once."""
+    if not names or len(set(names)) < len(names):
+        found = "twice the same file" if names else "no files"
+        raise DataError(f"metadata.yaml names {found}; `ros2 bag reindex` corrects it")
     for name in names:
+        if not name.removesuffix(".zstd").endswith(ending):
+            raise DataError(f"metadata.yaml names {_text(name)}; expected a name with {ending}")
         if not (path / name).is_file():
             raise FileError(f"metadata.yaml names {_text(name)}, which is missing; copy it there")
     known = {*names, *(name.removesuffix(".zstd") for name in names)}
-    others = sorted(file.name for file in path.glob(f"*{ending}") if file.name not in known)
+    others = [file.name for file in files_with(path, (ending,)) if file.name not in known]
     if others:
         raise FileError(
             f"{_text(', '.join(others))} is in the folder and not in metadata.yaml; `ros2 bag "

@@ -143,7 +143,7 @@ class _Records:
 
     def statistics(self, summary: Fields) -> Counter[int] | None:
         """The messages of each channel by a summary, which tells of the channels too."""
-        counts = None
+        counts: Counter[int] | None = None
         while summary.rest:
             op, length = summary.numbers("<BQ")
             fields = Fields(summary.take(length), "summary")

@@ -13,7 +13,9 @@ from deepring.data.scans.bags.mcap_file import McapFile
 from deepring.data.scans.bags.ros1_file import Ros1File
 from deepring.data.scans.bags.storage import Container, Contents
 from deepring.data.scans.bags.topics import Topics, topics_of
+from deepring.data.scans.names import ending_of
 from deepring.errors import BrokenScanError, DataError, FileError
+from deepring.io.git_lfs import LFS_POINTER, is_lfs_pointer_file
 
 #: How a file is read, by its ending.
 CONTAINERS: dict[str, Callable[[Path], Container]] = {
@@ -46,14 +48,19 @@ def open_bag(path: Path, opened: ExitStack) -> Bag:
     Raises BrokenScanError, DataError and FileError without the name of the bag.
     """
     if not path.is_dir():
-        if path.suffix not in CONTAINERS:
+        if ending_of(path) not in CONTAINERS:
             raise FileError(f"expected an ending {', '.join(CONTAINERS)}, or a folder")
+        if is_lfs_pointer_file(path):
+            raise BrokenScanError(LFS_POINTER)
         part = _part(path)
         return Bag([part], topics_of([part.contents]), not part.contents.damage)
     if not (path / "metadata.yaml").is_file():
         raise FileError("no metadata.yaml in the folder; `ros2 bag reindex` makes it")
     folder = read_folder(path)
     files = folder.files
+    for file in files:
+        if is_lfs_pointer_file(file):
+            raise BrokenScanError(f"{file.name} {LFS_POINTER}")
     if folder.compressed:
         into = Path(opened.enter_context(TemporaryDirectory()))
         files = [_decompressed(file, into / file.stem) for file in files]
@@ -65,7 +72,7 @@ def open_bag(path: Path, opened: ExitStack) -> Bag:
 
 
 def _part(file: Path) -> Part:
-    container = CONTAINERS[file.suffix](file)
+    container = CONTAINERS[ending_of(file)](file)
     try:
         return Part(container, container.contents())
     except BrokenScanError as error:

@@ -19,7 +19,7 @@ _Header = dict[str, bytes]
 class _Opening(NamedTuple):
     """The first record of a bag."""
 
-    index: int
+    index_start: int
     """Byte where the index begins; 0 for a recording that was not closed."""
     connections: int
     chunks: int
@@ -55,7 +55,11 @@ class Ros1File:
             blocks = Blocks(file, size_of(self.path))
             opening = _opening(blocks)
             blocks.jump(opening.end)
-            end = opening.index if opening.end <= opening.index <= blocks.size else blocks.size
+            end = (
+                opening.index_start
+                if opening.end <= opening.index_start <= blocks.size
+                else blocks.size
+            )
             while blocks.offset < end:
                 where = f"record at byte {blocks.offset}"
                 header = _header(blocks, where)
@@ -78,13 +82,14 @@ class Ros1File:
         with self.path.open("rb") as file:
             blocks = Blocks(file, size_of(self.path))
             opening = _opening(blocks)
-            if opening.index == 0:
+            if opening.index_start == 0:
                 raise BrokenScanError("no index: the recording was not closed")
-            if not opening.end <= opening.index <= blocks.size:
+            if not opening.end <= opening.index_start <= blocks.size:
                 raise BrokenScanError(
-                    f"cut short: {blocks.size} bytes, but its index begins at byte {opening.index}"
+                    f"cut short: {blocks.size} bytes, but its index begins at byte "
+                    f"{opening.index_start}"
                 )
-            blocks.jump(opening.index)
+            blocks.jump(opening.index_start)
             while blocks.offset < blocks.size:
                 where = f"index record at byte {blocks.offset}"
                 header = _header(blocks, where)
@@ -160,10 +165,10 @@ def _opening(blocks: Blocks) -> _Opening:
             f"encrypted by {text(header['encryptor'])}; expected one that is not: "
             "`rosbag decrypt` makes one"
         )
-    numbers = [_number(header, "index_pos", 8, where)]
-    numbers += [_number(header, name, 4, where) for name in ("conn_count", "chunk_count")]
+    index_start = _number(header, "index_pos", 8, where)
+    connections, chunks = (_number(header, f"{name}_count", 4, where) for name in ("conn", "chunk"))
     blocks.skip(Fields(blocks.take(4), where).numbers("<I")[0])
-    return _Opening(*numbers, end=blocks.offset)
+    return _Opening(index_start, connections, chunks, blocks.offset)
 
 
 def _header(blocks: Blocks, where: str) -> _Header:
