@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from deepring.errors import DataError, DeepringError, FileError
 from deepring.evaluation.case import Case
 from deepring.evaluation.csv_errors import CSV_ERRORS, csv_reason
+from deepring.evaluation.csv_numbers import real_number, whole_number
 from deepring.evaluation.distances import HasPositions, distances_to
 from deepring.io.files import replacing
 from deepring.search.hits import Hits
+from deepring.text import shown
 
 #: The folder of these files in a run's folder.
 FOLDER = "retrievals"
@@ -175,14 +177,14 @@ def _parse(
         return *scans, _float32(score), angle, _float32(distance), _float32(nearest)
     except ValueError:
         raise FileError(
-            f"{path}, line {line}: {','.join(row)!r}; expected two whole numbers and four floats "
-            f"({', '.join(COLUMNS)}), the turn empty if it is unknown; {_AGAIN}"
+            f"{path}, line {line}: {shown(','.join(row))}; expected two whole numbers and four "
+            f"floats ({', '.join(COLUMNS)}), the turn empty if it is unknown; {_AGAIN}"
         ) from None
 
 
 def _scan(text: str) -> int:
     """The number of a scan."""
-    if not 0 <= int(text) < 2**63:
+    if not 0 <= whole_number(text) < 2**63:
         raise ValueError("no number of a scan")
     return int(text)
 
@@ -192,7 +194,7 @@ _LARGEST = float(np.finfo(np.float32).max)
 
 def _float32(text: str) -> float:
     """The number, if it is one of float32 or infinite."""
-    value = float(text)
+    value = real_number(text)
     if math.isfinite(value) and abs(value) > _LARGEST:
         raise ValueError("beyond float32")
     return value

@@ -18,6 +18,7 @@ from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.protocol import BATCH, RADII, Outcome, check_answerable
 from deepring.methods.method import Method, rebuild_method
 from deepring.progress import Progress
+from deepring.text import shown
 
 #: The folder of a run that holds its descriptors.
 FOLDER = "descriptors"
@@ -156,9 +157,9 @@ def _check_pair(query: DescriptorSet, database: DescriptorSet) -> None:
     if difference is not None:
         key, query_value, database_value = difference
         raise DataError(
-            f"{_title(query)}: {key} is {query_value!r} for the query and {database_value!r} for "
-            "the database; expected both to be made by the same method, settings and weights, for "
-            "the same region; export both sides together"
+            f"{_title(query)}: {key} is {shown(query_value)} for the query and "
+            f"{shown(database_value)} for the database; expected both to be made by the same "
+            "method, settings and weights, for the same region; export both sides together"
         )
 
 
@@ -179,8 +180,9 @@ def _check_method(method: Method, descriptors: DescriptorSet) -> None:
     if difference is not None:
         key, value, value_there = difference
         raise DataError(
-            f"{_title(descriptors)}: {key} is {value!r} for the method and {value_there!r} for the "
-            "one that made them; expected the same; take that method, or export again with this one"
+            f"{_title(descriptors)}: {key} is {shown(value)} for the method and "
+            f"{shown(value_there)} for the one that made them; expected the same; take that "
+            "method, or export again with this one"
         )
 
 

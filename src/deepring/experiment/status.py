@@ -12,6 +12,7 @@ from filelock import FileLock, Timeout
 from deepring import checks
 from deepring.errors import DataError, DeepringError, FileError, StoppedError
 from deepring.io.files import replacing
+from deepring.text import shown
 
 State = Literal["running", "finished", "failed", "interrupted"]
 
@@ -54,10 +55,10 @@ def _checked(status: Status) -> Status:
     checks.one_of("state", status.state, State)
     numbers = {"score": status.score, "seconds": status.seconds}
     if not isinstance(status.error, str | None):
-        raise DataError(f"error: {status.error!r}, expected text")
+        raise DataError(f"error: {shown(status.error)}, expected text")
     for name, value in numbers.items():
         if value is not None and not checks.is_number(value):
-            raise DataError(f"{name}: {value!r}, expected a number")
+            raise DataError(f"{name}: {shown(value)}, expected a number")
     return status
 
 

@@ -42,7 +42,7 @@ class DatabaseFile:
                         "SELECT topic_id, count(*) FROM messages NOT INDEXED GROUP BY topic_id"
                     ).fetchall()
                 )
-            except sqlite3.Error as error:
+            except (sqlite3.Error, UnicodeDecodeError) as error:
                 raise _damaged() from error
         channels = {}
         for number, *names in topics:
@@ -65,7 +65,7 @@ class DatabaseFile:
                     if not (isinstance(time, int) and isinstance(data, bytes)):
                         raise BrokenScanError("its table of messages is damaged")
                     yield Message(number, time, data)
-            except sqlite3.Error as error:
+            except (sqlite3.Error, UnicodeDecodeError) as error:
                 raise _damaged() from error
 
     def _connect(self) -> sqlite3.Connection:
