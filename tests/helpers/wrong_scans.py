@@ -53,8 +53,8 @@ WRONG = {
     "kilometres": lambda p, _: rows(p / 1000, 4),
     "feet": lambda p, _: rows(p / 0.3048, 4),
     "scaled to 1": lambda p, _: rows(p / np.abs(p).max(), 4),
-    "UTM": lambda p, _: rows(p + [345000, 4037000, 50], 4),
-    "the map's frame": lambda p, pose: _world(p, pose),
+    "UTM": lambda p, _: rows(p + np.array([345000, 4037000, 50]), 4),
+    "the map's frame": _world,
     "z down": lambda p, _: rows(p * [1, -1, -1], 4),
     "a camera's axes": lambda p, _: rows(np.column_stack([-p[:, 1], -p[:, 2], p[:, 0]]), 4),
     "y up": lambda p, _: rows(np.column_stack([p[:, 0], p[:, 2], -p[:, 1]]), 4),
@@ -94,8 +94,8 @@ DOUBTED = ("intensity of 0 to 1 for z", "intensity first")
 def write_wrong(folder, kind, clouds, poses):
     """A drive in KITTI's layout whose scans are wrong in this way; "right" gives a good one."""
     (folder / "velodyne").mkdir(parents=True)
-    for k, (points, pose) in enumerate(zip(clouds, poses, strict=True)):
-        points = np.asarray(points, dtype=np.float64)
+    for k, (cloud, pose) in enumerate(zip(clouds, poses, strict=True)):
+        points = np.asarray(cloud, dtype=np.float64)
         array = rows(points, 4) if kind == "right" else WRONG[kind](points, pose)
         (folder / "velodyne" / f"{k:06d}.bin").write_bytes(whole_records(array))
     (folder / "calib.txt").write_text("Tr: 1 0 0 0 0 1 0 0 0 0 1 0\n")
