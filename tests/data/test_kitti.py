@@ -222,3 +222,20 @@ def test_real_scans_as_published():
     points = read_kitti_scan(real_data("kitti08_pair", "000720.bin"))
     assert points.shape == (2026576 // 16, 3)
     assert np.abs(points).max() < 130
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("P0: 1 0\nTr_velo_to_cam: 1 0 0\n", "has P0, Tr_velo_to_cam, but no Tr"),
+        ("Tr: 1 0 0 0 0 1 0 0 0 0 1\n", "Tr is '1 0 0 0 0 1 0 0 0 0 1'; expected .*12 numbers"),
+        ("Tr: 1,0,0,0,0,1,0,0,0,0,1,0\n", "separated by blanks"),
+        ("", "has no Tr"),
+        ("Tr: 1 0 0 0 0 -1 0 0 0 0 1 0\n", "its rotation mirrors"),
+        ("Tr: 1.01 0 0 0 0 1.01 0 0 0 0 1.01 0\n", "lengths 1.01, 1.01, 1.01"),
+    ],
+)
+def test_what_a_calibration_holds_instead_is_named(tmp_path, text, found):
+    (tmp_path / "calib.txt").write_text(text)
+    with pytest.raises(DeepringError, match=rf"calib\.txt: .*{found}"):
+        read_calibration(tmp_path / "calib.txt")

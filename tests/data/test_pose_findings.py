@@ -5,10 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.inspection.motion import FROM_CAMERA, inverse_poses
+from deepring.data.inspection.overlays import check_overlays
 from deepring.data.inspection.poses import pose_findings
 from deepring.data.readers.kitti import open_kitti
 from deepring.data.session import Session, SkippedScans
@@ -183,6 +186,49 @@ def test_equal_and_falling_stamps_are_found():
     late = stamps_of(poses, rate=1) + np.arange(len(poses)) * 30_000 * SECOND
     assert any("days" in f.found for f in found(poses, late))
     assert any("earlier" in f.found for f in found(poses, stamps_of(poses, 1)[::-1]))
+
+
+def test_stamps_are_held_against_the_names_of_scans():
+    poses = PATHS["block"]
+    stamps = stamps_of(poses) + 123_456_789
+    for names in (
+        [f"{s}.bin" for s in stamps],
+        [f"{s // 1000}.pcd" for s in stamps],
+        [f"{s // SECOND}.{s % SECOND:09d}.pcd" for s in stamps],
+    ):
+        session = session_of(poses, stamps)
+        session = replace(session, files=tuple(map(Path, names)))
+        assert pose_findings(session) == []
+        [finding] = pose_findings(replace(session, stamps=stamps - 3 * SECOND))
+        assert finding.subject == "stamps"
+        assert "3 s from those in the names" in finding.found
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e300, -1e18, 1.1])
+def test_matrices_that_are_no_poses_are_found(value):
+    poses = PATHS["block"].copy()
+    poses[7, 0, 0 if value == 1.1 else 3] = value
+    [finding] = found(poses, stamps_of(poses))
+    assert finding.unusable
+    assert "1 of 160 are not rigid (7.bin: " in finding.found
+    assert check_overlays(session_of(poses)).summary == "not compared: poses are not rigid"
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(
+    st.integers(1, 12),
+    st.floats(0, 11),
+    st.lists(st.integers(-(2**63), 2**63 - 1), min_size=12, max_size=12),
+    st.integers(0, 99),
+)
+def test_any_poses_and_stamps_have_findings_and_no_error(n, power, stamps, seed):
+    rng = np.random.default_rng(seed)
+    rotations = Rotation.random(n, random_state=seed).as_matrix()
+    poses = pose_from(rotations, rng.normal(0, 10**power, (n, 3)))
+    for finding in found(poses, np.array(stamps[:n], dtype=np.int64)):
+        assert finding.found
+        assert finding.advice
+        assert "\n" not in str(finding)
 
 
 def test_scans_without_poses_are_found():

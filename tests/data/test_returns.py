@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deepring.data.scans.point_cloud2 import cloud_points
+from deepring.data.scans.point_cloud2 import cloud_records
 from deepring.data.scans.returns import is_return, scan_from
 from deepring.data.scans.scan_files import read_scan
 from deepring.data.session import Session
@@ -44,6 +44,12 @@ def test_doubles_beyond_floats_are_missing_without_a_warning():
     assert scan.missing == 1
 
 
+def test_a_signalling_nan_is_missing_without_a_warning():
+    records = np.ones((3, 3), np.float32)
+    records.view(np.uint32)[1, 2] = 0x7F800001
+    assert is_return(records).tolist() == [True, False, True]
+
+
 def npy(path, points):
     np.save(path.with_suffix(".npy"), points)
     return read_scan(path.with_suffix(".npy"))
@@ -67,7 +73,7 @@ def ply(path, points):
 
 
 def cloud(path, points):
-    return cloud_points(message(points))
+    return scan_from(cloud_records(message(points)), path).points
 
 
 def pcd(path, points):

@@ -10,7 +10,7 @@ from omegaconf import OmegaConf
 from deepring.core.correlation import correlation_curves
 from deepring.data.cache import RasterCache
 from deepring.data.dataset import RetrievalSet
-from deepring.errors import DeepringError, FileError
+from deepring.errors import ConfigError, DeepringError, FileError
 from deepring.evaluation.matches import TopMatches, matches_in
 from deepring.evaluation.results import Result, read_results
 from deepring.evaluation.task import load_task, rows_of
@@ -55,13 +55,19 @@ def report(run: Path, failures: int = 6) -> str:
         html.heading("The worst failures"),
         *_failures(run, cfg, radius, failures),
         html.heading("Config"),
-        html.preformatted((run / "config.yaml").read_text()),
+        html.preformatted((run / "config.yaml").read_text(encoding="utf-8")),
     ]
     return html.page(f"{cfg.experiment_name}: {run.resolve().name}", parts)
 
 
 def _config(run: Path) -> Config:
-    return check_config(OmegaConf.create(read_config(run / "config.yaml")))
+    path = run / "config.yaml"
+    try:
+        return check_config(OmegaConf.create(read_config(path)))
+    except ConfigError as error:
+        raise FileError(
+            f"{path}: {error}; expected the config of a run of this version; evaluate it again"
+        ) from error
 
 
 def _row(r: Result) -> tuple[str, ...]:

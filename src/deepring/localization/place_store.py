@@ -1,6 +1,7 @@
 """Images, poses and names of the places of a map."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -9,6 +10,7 @@ from torch import Tensor
 
 from deepring.core.rigid import yaw_of
 from deepring.data.packed_rasters import pack, unpack
+from deepring.data.poses.rigid import rigid_rows
 from deepring.errors import DataError
 from deepring.rasters import BevRaster
 from deepring.search.block_store import BlockStore
@@ -51,6 +53,16 @@ class PlaceStore:
         rows = torch.from_numpy(np.stack(packed)) if packed else torch.empty(0, self.image_bytes)
         self._append(rows.byte(), torch.from_numpy(np.array(poses, dtype=np.float64)), names)
 
+    def mark(self) -> tuple[Any, ...]:
+        """The present places, to which `rewind` goes back."""
+        return self._rows.mark(), len(self.names)
+
+    def rewind(self, mark: tuple[Any, ...]) -> None:
+        """Drop the places added since `mark`."""
+        rows, count = mark
+        self._rows.rewind(rows)
+        del self.names[count:]
+
     def images(self, places: Tensor) -> Tensor:
         """Images (k, n, n) uint8, 0 or 1, of places (k,)."""
         (packed,) = self._rows.take(places, "images")
@@ -75,8 +87,15 @@ class PlaceStore:
     def restore(self, images: Tensor, poses: Tensor, names: Sequence[str]) -> None:
         """Take the names, and without a copy what `tensors` gave, which may be memory-mapped.
 
-        Raises DataError as `add` does, and for images of another size.
+        Raises DataError as `add` does, and for images of another size and poses that are not
+        rigid.
         """
+        bad = int((~rigid_rows(poses.numpy())).sum()) if poses.shape[1:] == (4, 4) else 0
+        if bad or not bool((poses[:, 3:] == torch.eye(4, dtype=poses.dtype)[3]).all()):
+            raise DataError(
+                f"poses: {bad or 'some'} of {len(poses)} are not rigid; expected world <- scan "
+                "transforms: a rotation and a translation"
+            )
         self._rows, self.names = BlockStore(), []
         self._append(images, poses, names, attach=True)
 

@@ -10,6 +10,19 @@ from numpy.typing import NDArray
 #: Metres. Shorter legs of a path are mostly noise; between the ends of longer ones it may turn.
 LEG, LONGEST_LEG = 2.0, 20.0
 
+#: Degrees. Vehicles and robots tilt by a few degrees, a LiDAR carried by hand by up to some 30.
+#: Beyond the second, the scans or the motion lie on their side.
+MOST_TILT, UNUSABLE_TILT = 35.0, 60.0
+#: The path in the plane as a share of that in space: 0.98 on a slope of 20 %, 0.82 on stairs, and
+#: 0 where the plane is not horizontal.
+LEAST_PLANAR, UNUSABLE_PLANAR = 0.8, 0.6
+#: Degrees between the plane of the motion and the horizontal.
+MOST_SLOPE = 30.0
+#: Metres of path that a check of motion takes at least.
+LEAST_PATH = 20.0
+#: Entries of R Rᵀ differ from the identity by less, whatever the rounding of the file.
+NEARLY = 0.03
+
 Poses = NDArray[np.float64]
 """(n, 4, 4), world <- scan."""
 
@@ -36,7 +49,21 @@ class Motion:
     @property
     def off_plane(self) -> float:
         """Degrees between the plane of the motion and the horizontal; 0 if it has no plane."""
-        return 0.0 if self.normal is None else _degrees(abs(self.normal[2]))
+        return 0.0 if self.normal is None else _degrees(abs(float(self.normal[2])))
+
+
+def measurable_rows(poses: Poses) -> NDArray[np.bool_]:
+    """Mask (n,) of the poses that are numbers of at most 1e12 m and nearly rotations."""
+    finite = np.asarray((np.abs(poses) < 1e12).all(axis=(1, 2)))  # False for NaN
+    rotations = np.where(finite[:, None, None], poses[:, :3, :3], 0.0).clip(-2, 2)
+    product = np.einsum("nij,nkj->nik", rotations, rotations)
+    near = (np.abs(product - np.eye(3)) < NEARLY).all(axis=(1, 2))
+    return np.asarray(finite & near, dtype=np.bool_)
+
+
+def measurable(poses: Poses) -> bool:
+    """Whether all poses are `measurable_rows`."""
+    return bool(measurable_rows(poses).all())
 
 
 def measure_motion(poses: Poses) -> Motion:
@@ -116,6 +143,24 @@ def _degrees(cosine: float) -> float:
     return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
+def axis_problems(motion: Motion) -> list[tuple[bool, str]]:
+    """What is implausible about a motion, each with whether it makes the poses unusable."""
+    problems = []
+    if motion.tilt > MOST_TILT:
+        text = f"scans are tilted by {motion.tilt:.0f}° in half of the poses"
+        problems.append((motion.tilt > UNUSABLE_TILT, f"{text}, expected at most {MOST_TILT:.0f}°"))
+    if motion.path < LEAST_PATH or motion.planar is None:
+        return problems
+    if motion.planar < LEAST_PLANAR:
+        flat = motion.planar * motion.path
+        text = f"the path is {flat:.0f} m long in the plane and {motion.path:.0f} m in space"
+        problems.append((motion.planar < UNUSABLE_PLANAR, f"{text}, expected nearly the same"))
+    elif motion.off_plane > MOST_SLOPE:
+        text = f"the plane of the motion is tilted by {motion.off_plane:.0f}°"
+        problems.append((motion.off_plane > UNUSABLE_TILT, f"{text}, expected z to be up"))
+    return problems
+
+
 class Reading(NamedTuple):
     """Another way to read the same numbers."""
 
@@ -152,7 +197,8 @@ def _scalar_first(poses: Poses) -> Poses:
     return turned
 
 
-def _opposite_turns(poses: Poses) -> Poses:
+def opposite_turns(poses: Poses) -> Poses:
+    """The poses with inverse rotations."""
     turned = poses.copy()
     turned[:, :3, :3] = poses[:, :3, :3].transpose(0, 2, 1)
     return turned
@@ -179,7 +225,7 @@ READINGS = (
         "poses with inverse rotations",
         "invert the rotations, or the sign of the yaw, or swap x and y back: expected are "
         "rotations scan to world, counter-clockwise positive, with z up",
-        _opposite_turns,
+        opposite_turns,
     ),
     Reading(
         "poses in a world with z down",

@@ -3,24 +3,26 @@
 import numpy as np
 
 from deepring.data.inspection.finding import Finding
-from deepring.data.inspection.motion import READINGS, Motion, Reading, measure_motion
-from deepring.data.poses.pose_tables import NANOSECONDS
+from deepring.data.inspection.motion import (
+    LEAST_PATH,
+    READINGS,
+    Motion,
+    Reading,
+    axis_problems,
+    measurable,
+    measurable_rows,
+    measure_motion,
+)
+from deepring.data.inspection.overlays import check_overlays
+from deepring.data.poses.rigid import rotation_problem
+from deepring.data.poses.stamps import NANOSECONDS, stamps_in_names
 from deepring.data.session import Session
 
-#: Degrees. Vehicles and robots tilt by a few degrees, a LiDAR carried by hand by up to some 30.
-MOST_TILT, UNUSABLE_TILT = 35.0, 60.0
-#: The path in the plane as a share of that in space: 0.98 on a slope of 20 %, 0.82 on stairs, and
-#: 0 where the plane is not horizontal.
-LEAST_PLANAR, UNUSABLE_PLANAR = 0.8, 0.6
-#: Degrees between the plane of the motion and the horizontal.
-MOST_SLOPE = 30.0
 #: Constancy of the direction of motion in the scans: 0.99 on KITTI, NCLT and MulRan. Platforms that
 #: drive sideways or to and fro have less, so that alone it is a doubt only where it is small.
 LEAST_FORWARD, CLEARLY_FORWARD, ANY_DIRECTION = 0.8, 0.95, 0.4
 #: A path turns enough to tell; see `Motion.turning`.
 LEAST_TURNING = 0.2
-#: Metres of path that a check of motion takes at least.
-LEAST_PATH = 20.0
 #: Metres per second.
 FASTEST = 70.0
 #: Metres. Shorter steps are not held against the speed; longer ones are of no drive, as keyframes
@@ -28,6 +30,8 @@ FASTEST = 70.0
 SHORTEST_JUMP, LONGEST_STEP, FARTHEST_STEP = 5.0, 100.0, 1000.0
 #: Metres between all poses of at least so many scans, below which a drive stands still.
 STANDING, STANDING_SCANS = 0.5, 10
+#: Seconds between the stamps of poses and those in the names of their scans.
+MOST_AWAY = 0.2
 #: Days from the first to the last scan.
 LONGEST_DAYS = 30.0
 #: Share of the scans without a pose, and of equal neighbouring poses.
@@ -47,6 +51,8 @@ def pose_findings(session: Session) -> list[Finding]:
     """
     if not len(session):
         return []
+    if not measurable(session.poses):
+        return [_no_poses(session)]
     motion = measure_motion(session.poses)
     return [
         *(_axes(session, motion) or _heading(session, motion)),
@@ -57,9 +63,22 @@ def pose_findings(session: Session) -> list[Finding]:
     ]
 
 
+def _no_poses(session: Session) -> Finding:
+    """Matrices that are no poses; readers refuse them as they read, as the digits of a file say."""
+    poses = session.poses
+    bad = np.flatnonzero(~measurable_rows(poses))
+    return Finding(
+        "poses",
+        f"{len(bad)} of {len(poses)} are not rigid ({session.files[bad[0]].name}: "
+        f"{rotation_problem(poses[bad[0]])})",
+        "expected a rotation and metres: repair the file of the poses, or leave these out",
+        unusable=True,
+    )
+
+
 def _axes(session: Session, motion: Motion) -> list[Finding]:
     """Tilt and plane: one finding, since they have one cause."""
-    problems = _problems(motion)
+    problems = axis_problems(motion)
     if not problems:
         return []
     reading = _plausible_reading(session, motion)
@@ -67,24 +86,6 @@ def _axes(session: Session, motion: Motion) -> list[Finding]:
     found = "; ".join(text for _, text in problems)
     unusable = reading is not None or any(severe for severe, _ in problems)
     return [Finding("poses", found, advice, unusable)]
-
-
-def _problems(motion: Motion) -> list[tuple[bool, str]]:
-    """What is implausible about a motion, each with whether it makes the poses unusable."""
-    problems = []
-    if motion.tilt > MOST_TILT:
-        text = f"scans are tilted by {motion.tilt:.0f}° in half of the poses"
-        problems.append((motion.tilt > UNUSABLE_TILT, f"{text}, expected at most {MOST_TILT:.0f}°"))
-    if motion.path < LEAST_PATH or motion.planar is None:
-        return problems
-    if motion.planar < LEAST_PLANAR:
-        flat = motion.planar * motion.path
-        text = f"the path is {flat:.0f} m long in the plane and {motion.path:.0f} m in space"
-        problems.append((motion.planar < UNUSABLE_PLANAR, f"{text}, expected nearly the same"))
-    elif motion.off_plane > MOST_SLOPE:
-        text = f"the plane of the motion is tilted by {motion.off_plane:.0f}°"
-        problems.append((motion.off_plane > UNUSABLE_TILT, f"{text}, expected z to be up"))
-    return problems
 
 
 def _heading(session: Session, motion: Motion) -> list[Finding]:
@@ -114,7 +115,7 @@ def _plausible_reading(
         forwards = other.forward is None or other.forward > CLEARLY_FORWARD
         turns = (other.turning or 0.0) >= least_turning
         near = other.step < LONGEST_STEP and other.path >= min(LEAST_PATH, motion.path)
-        if forwards and turns and near and not _problems(other):
+        if forwards and turns and near and not axis_problems(other):
             return reading
     return None
 
@@ -167,7 +168,7 @@ def _steps(session: Session, motion: Motion) -> list[Finding]:
     elif motion.step > LONGEST_STEP:
         found.append(f"neighbouring poses are {motion.step:.0f} m apart")
     elif session.stamps is not None:
-        seconds = np.diff(session.stamps) / NANOSECONDS
+        seconds = np.diff(session.stamps / NANOSECONDS)
         fast = (steps > SHORTEST_JUMP) & (steps > FASTEST * np.abs(seconds))
         if fast.any():
             found.append(
@@ -185,17 +186,26 @@ def _stamps(session: Session) -> list[Finding]:
     stamps = session.stamps
     if stamps is None or len(stamps) < 2:
         return []
-    repeated = int((np.diff(stamps) == 0).sum())
+    repeated = int((stamps[1:] == stamps[:-1]).sum())
     found = []
-    if (np.diff(stamps) < 0).any():
+    named = stamps_in_names(session.files)
+    if named is not None:
+        away = float(np.median(np.abs(named / NANOSECONDS - stamps / NANOSECONDS)))
+        if away > MOST_AWAY:
+            found.append(f"they are {away:.3g} s from those in the names of the scans, in median")
+    if (stamps[1:] < stamps[:-1]).any():
         found.append("some are earlier than the one before")
     if repeated:
         found.append(f"{repeated} of {len(stamps)} are equal to the one before")
-    days = float(stamps[-1] - stamps[0]) / NANOSECONDS / 86400
+    days = (float(stamps[-1]) - float(stamps[0])) / NANOSECONDS / 86400
     if days > LONGEST_DAYS:
         found.append(f"they span {days:.0f} days, which one drive does not")
     return [
-        Finding("stamps", text, "expected one time for each scan, in its order: check their unit")
+        Finding(
+            "stamps",
+            text,
+            "expected the time of each scan, in its order: check their unit and clock",
+        )
         for text in found
     ]
 
@@ -215,6 +225,6 @@ def _without_pose(session: Session) -> list[Finding]:
     ]
 
 
-def overlay_findings(session: Session) -> list[Finding]:  # noqa: ARG001
-    """Doubts about the poses of a session from a few pairs of its scans, overlaid by them."""
-    return []
+def overlay_findings(session: Session) -> list[Finding]:
+    """Doubts about the poses of a session from a few pairs of its scans; see `check_overlays`."""
+    return check_overlays(session).findings

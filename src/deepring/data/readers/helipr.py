@@ -20,6 +20,7 @@ from deepring.data.readers.reader import (
     first_folder,
 )
 from deepring.data.scans.listing import list_scans
+from deepring.data.scans.names import visible_folders
 from deepring.data.scans.records import file_problem, read_records
 from deepring.data.session import Points, Session
 
@@ -114,7 +115,7 @@ def read_poses(path: Path) -> Trajectory:
 def list_helipr(root: Path | str) -> list[str]:
     """Sorted names of the sessions in ``root``, a folder of sequences or one sequence."""
     base = existing_root(root)
-    folders = [base] if (base / "LiDAR").is_dir() else list(base.iterdir())
+    folders = [base] if (base / "LiDAR").is_dir() else visible_folders(base)
     return sorted(
         f"{folder.name}_{sensor}"
         for folder in folders

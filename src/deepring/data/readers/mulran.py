@@ -19,6 +19,7 @@ from deepring.data.readers.reader import (
     first_folder,
 )
 from deepring.data.scans.listing import list_scans
+from deepring.data.scans.names import visible_folders
 from deepring.data.scans.records import XYZI, read_records
 from deepring.data.session import Points, Session
 
@@ -84,7 +85,7 @@ def list_mulran(root: Path | str) -> list[str]:
     base = existing_root(root)
     if _scan_folder(base) is not None:
         return [base.name]
-    return sorted(path.name for path in base.iterdir() if _scan_folder(path) is not None)
+    return sorted(path.name for path in visible_folders(base) if _scan_folder(path) is not None)
 
 
 def _scan_folder(sequence: Path) -> Path | None:

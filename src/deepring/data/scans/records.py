@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.data.scans.content import content_of
 from deepring.errors import BrokenScanError
+from deepring.io.git_lfs import LFS_POINTER, LONGEST_POINTER, is_lfs_pointer_file
 
 #: One point of a MulRan or KITTI scan: x, y, z in metres and an intensity, little-endian float32.
 XYZI = np.dtype([("xyz", "<f4", (3,)), ("intensity", "<f4")])
@@ -22,25 +24,25 @@ def size_problem(size: int, *records: np.dtype) -> str | None:
 
 
 def file_problem(path: Path, *records: np.dtype) -> str | None:
-    """The reason why a file cannot be read or has an impossible size (`size_problem`), or None."""
+    """The reason why a file cannot be read or has an impossible size (`size_problem`), or None.
+
+    A Git LFS pointer is recognised whatever its size.
+    """
     try:
-        return size_problem(path.stat().st_size, *records)
+        size = path.stat().st_size
     except OSError as error:  # e.g. a broken link
         return f"cannot be read ({error.strerror})"
+    if size < LONGEST_POINTER and is_lfs_pointer_file(path):
+        return LFS_POINTER
+    return size_problem(size, *records)
 
 
 def read_records(path: Path | str, record: np.dtype) -> NDArray:
     """The (n,) records of one file.
 
-    Raises BrokenScanError if the file cannot be read or has an impossible size.
+    Raises BrokenScanError if the file has an impossible size, and as `content_of`.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise BrokenScanError(
-            f"{path}: cannot be read ({error.strerror}); expected a scan file"
-        ) from error
-    return records_from(data, record, path)
+    return records_from(content_of(path), record, path)
 
 
 def records_from(data: bytes, record: np.dtype, source: Path | str) -> NDArray:
