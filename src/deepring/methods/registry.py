@@ -77,8 +77,8 @@ def method_class(name: str, own_class: str | type | None = None) -> type:
     given = "" if cls is None else f", and the class given is {class_path(cls)}"
     raise ConfigError(
         f"method: {shown(name, 80)} is not registered{given}; expected one of "
-        f"{', '.join(_METHODS)}, or the class of that name: register_method(name, cls) in Python, method._target_ in a "
-        "config, or its dotted path as `own_class`"
+        f"{', '.join(_METHODS)}, or the class of that name: register_method(name, cls) in Python, "
+        "method._target_ in a config, or its dotted path as `own_class`"
     )
 
 

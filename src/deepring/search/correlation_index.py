@@ -24,7 +24,7 @@ from deepring.search.code import (
     expect_shape,
     fit_code,
 )
-from deepring.search.hits import Best, Hits
+from deepring.search.hits import Best, Hits, expect_finite
 from deepring.search.shards import INDEX, Shard, expect_block, read_shards, write_shard
 from deepring.search.spectra import Precision, encode, padded_spectra
 
@@ -154,9 +154,8 @@ class CorrelationIndex:
             best = self._among_candidates(queries, self.code, k, number)
         if not bool((torch.isfinite(best.score) & (best.place >= 0)).all()):
             raise DataError(
-                "index: places or queries whose similarity is no finite number; expected "
-                "descriptors of finite numbers; look for a training that diverged, or build the "
-                "index again"
+                "index: places whose similarity is no finite number, expected finite descriptors; "
+                "build the index again"
             )
         turn = shift_to_turn(best.shift, queries.shape[-2], self.period)
         return Hits(best.place, best.score / self.cells, turn)
@@ -292,4 +291,4 @@ class CorrelationIndex:
                 f"descriptors: {shape[0]} x {shape[1]}, but the places are {self.shape[0]} x "
                 f"{self.shape[1]}; describe both by one method"
             )
-        return descriptors.to(self.device, torch.float32)
+        return expect_finite(descriptors.to(self.device, torch.float32))

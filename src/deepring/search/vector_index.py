@@ -11,7 +11,7 @@ from torch import Tensor
 from deepring.checks import count, one_of
 from deepring.errors import DataError
 from deepring.search.block_store import BlockStore
-from deepring.search.hits import Best, Hits
+from deepring.search.hits import Best, Hits, expect_finite
 
 Metric = Literal["l2", "cosine"]
 
@@ -156,6 +156,7 @@ class VectorIndex:
                 f"descriptors: {width} numbers, but the places have {self._width}; "
                 "describe both by one method"
             )
+        expect_finite(vectors)
         return F.normalize(vectors, dim=1) if not self._is_l2 else vectors
 
 
