@@ -7,14 +7,15 @@ SEED ?= 0
 DEMO_DATA := outputs/datasets/sim_nclt$(if $(filter-out 0,$(SEED)),_seed$(SEED))
 
 MUTANTS ?=
+INPUTS ?= 20000
 SEEDS ?= 0 1 2
 comma := ,
 nothing :=
 space := $(nothing) $(nothing)
 SWEEP := seed=$(subst $(space),$(comma),$(strip $(SEEDS))) hydra/launcher=joblib
 
-.PHONY: help install demo ablations compare weights test test-slow lint coverage mutation hooks \
-  bench clean
+.PHONY: help install demo ablations compare weights test test-slow kill fuzz lint coverage mutation \
+  hooks bench clean
 
 help:
 	@echo "make demo       simulate, train, evaluate, print the results (SEED=0)"
@@ -23,9 +24,11 @@ help:
 	@echo "make weights    train the network that comes with the package, on separate worlds"
 	@echo "make test       lint, types, import directions and the default tests"
 	@echo "make test-slow  the long tests"
+	@echo "make kill       kill every long command at random instants, and start it again (KILLS=20)"
 	@echo "make lint       formatting, lint, types and import directions, without tests"
 	@echo "make coverage   the default tests with coverage of the package, lines and branches"
 	@echo "make mutation   mutants of core/ and the metrics that no test kills (MUTANTS='deepring.core.radon*')"
+	@echo "make fuzz       damaged and forged files of every format (SEEDS='0 1 2' INPUTS=20000)"
 	@echo "make hooks      run make lint's checks before every commit (pre-commit)"
 	@echo "make bench      all stages beside the usual routes, to outputs/bench (BENCH='--most 1000000')"
 	@echo "make clean      remove .venv and caches; outputs/ stays"
@@ -86,6 +89,10 @@ test: install lint
 test-slow: install
 	$(BIN)/python -m pytest -m slow
 
+KILLS ?= 20
+kill: install
+	KILLS=$(KILLS) $(BIN)/python -m pytest -m kill -s tests/kill
+
 lint: install
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
@@ -100,6 +107,10 @@ mutation: install
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[mutation]'
 	$(BIN)/mutmut run $(MUTANTS)
 	$(BIN)/mutmut results | grep -v 'not checked'
+
+fuzz: SEEDS := $(if $(filter file,$(origin SEEDS)),0,$(SEEDS))
+fuzz: install
+	OMP_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m fuzz --seeds $(SEEDS) --inputs $(INPUTS)
 
 hooks: install
 	$(BIN)/pre-commit install

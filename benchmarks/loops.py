@@ -72,8 +72,8 @@ def trials_of(graph: LoopGraph, path: np.ndarray, recent: float) -> Localization
         away = np.linalg.norm(positions[:past] - positions[loop.keyframe], axis=1)
         off = np.hypot(relative[0, 3] - loop.x, relative[1, 3] - loop.y)
         degrees = abs(np.degrees((turn + np.pi) % (2 * np.pi) - np.pi))
-        rows.append((loop.fit, loop.ratio, off, degrees, away.min()))
-    return LocalizationTrials(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
+        rows.append((loop.fit, loop.ratio, off, degrees, away.min(), np.inf))
+    return LocalizationTrials(*np.array(rows, dtype=np.float64).reshape(-1, 6).T)
 
 
 def main() -> None:

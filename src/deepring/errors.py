@@ -41,7 +41,7 @@ class FileError(DeepringError):
 
 
 class BrokenScanError(DataError):
-    """A scan file that cannot be decoded. Datasets skip, count and report such scans."""
+    """A scan that cannot be decoded or shows nothing. Datasets skip, count and report it."""
 
 
 class StoppedError(DeepringError):

@@ -122,7 +122,7 @@ def test_mistakes_are_named_and_write_nothing(arguments, words, tiny_nclt, scan_
 
 def test_a_file_without_a_visible_point_is_named_with_its_format(tmp_path):
     path = tmp_path / "1.bin"
-    path.write_bytes(bytes(80))
+    path.write_bytes(bytes([1]) * 80)
     with pytest.raises(BrokenScanError, match=r"1\.bin: 10 points as nclt"):
         work_of("case-study", "--format", "nclt", path, "-o", tmp_path / "out")
 

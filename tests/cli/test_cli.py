@@ -5,6 +5,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import time
 from functools import partial
 
@@ -13,6 +14,7 @@ import torch
 
 from deepring import __version__
 from deepring.cli.commands import COMMANDS
+from deepring.experiment.status import read_status
 from helpers.cli import DEEPRING, SMALL, deepring, deepring_process, refused
 
 
@@ -149,6 +151,64 @@ def test_two_processes_train_one_network(tiny_nclt, tmp_path):
     assert done.stdout.count("results      ") == 1
 
 
+#: Each way to start the command but the installed one, from another folder than the sources'.
+STARTS = (
+    ("-m", "deepring"),
+    ("-m", "deepring.cli.main"),
+    ("-c", "from deepring.cli.main import main; main()"),
+)
+
+
+@pytest.mark.parametrize("start", STARTS)
+def test_the_module_is_the_command(start, tmp_path):
+    done = subprocess.run(
+        [sys.executable, *start, "--version"], cwd=tmp_path, capture_output=True, check=True
+    )
+    assert done.stdout.decode() == f"deepring {__version__}\n"
+
+
+def test_a_further_process_is_started_as_a_file_with_the_modules_of_the_first(tmp_path):
+    """What Lightning starts for each further process of a distributed training."""
+    (tmp_path / "mine.py").write_text("FOUND = True\n", encoding="utf-8")
+    (tmp_path / "start.py").write_text(
+        """
+import sys
+from deepring.cli.ddp_process import restartable
+from lightning.fabric.strategies.launchers.subprocess_script import _basic_subprocess_cmd
+import json, os, subprocess
+sys.argv[1:] = ["--cfg", "job"]
+sys.path.insert(0, os.getcwd())
+with restartable(["--cfg=job", "data=sim_nclt", "seed=7"]):
+    command = _basic_subprocess_cmd()
+shown = subprocess.run(command, cwd="/", capture_output=True, check=True, text=True).stdout
+assert "seed: 7" in shown
+print(command[1], os.environ["DEEPRING_DDP_PATHS"])
+""",
+        encoding="utf-8",
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "start"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    script, paths = done.stdout.split(maxsplit=1)
+    assert script.endswith("ddp_process.py")
+    assert str(tmp_path) in paths.strip().split(os.pathsep)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", STARTS)
+def test_two_processes_of_a_module_train_one_network(start, tiny_nclt, tmp_path):
+    options = [*SMALL, "trainer.accelerator=cpu", "trainer.devices=2", "trainer.strategy=ddp"]
+    root = os.path.relpath(tiny_nclt, tmp_path)
+    words = ["train", "experiment=demo", f"data.root={root}", *options, "evaluation.figures=false"]
+    done = subprocess.run(
+        [sys.executable, *start, *words], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("results      ") == 1
+    assert "rank" in (done.stderr + done.stdout).lower()
+
+
 @pytest.mark.slow
 def test_two_nodes_train_one_network(tiny_nclt, tmp_path):
     """As on a cluster: the same command on each node, which finds the others by its environment."""
@@ -208,6 +268,7 @@ def test_an_interrupted_training_says_how_to_go_on_and_does(tiny_nclt, tmp_path)
     assert running.returncode == 130, errors
     assert "Traceback" not in errors
     assert "resume=outputs/demo/" in errors
+    assert read_status(checkpoint.parents[1].resolve()).state == "interrupted"
     epoch = torch.load(checkpoint, weights_only=True)["epoch"]
     resume = f"resume={checkpoint.relative_to(tmp_path)}"
     further = deepring("train", *options, resume, f"trainer.max_epochs={epoch + 2}", cwd=tmp_path)

@@ -13,9 +13,12 @@ from scipy.spatial.transform import Rotation
 
 from deepring.core.rigid import pose_from
 from deepring.data.readers.nclt import open_nclt
+from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.map import Map
+from deepring.methods.network_file import load_network
 from helpers.bags import KINDS, START, message, write_bag
 from helpers.cli import SMALL, deepring, refused
+from helpers.scenes import scattered
 
 BUILD = ("map", "build")
 
@@ -80,6 +83,31 @@ def test_trust_is_calibrated_on_another_drive(place_map, tiny_nclt, tmp_path, he
     refused(here("map", "calibrate", place_map, *drive, "-o", "b.map"), "no thresholds")
 
 
+def test_a_map_of_one_place_cannot_tell_other_places(second, tmp_path, here):
+    """Nothing is compared there: a wrong scan's fit of 0.21 to 0.26 was enough for trust."""
+    place_map = Map(load_network("shipped").method)
+    place_map.add([scattered(0)], np.eye(4)[None], ["a"])
+    fits = [place_map.localize(scattered(seed)).fit for seed in range(1, 9)]
+    place_map.thresholds = AcceptanceThresholds(fit=min(fits))
+    place_map.save(tmp_path / "one.map")
+    (tmp_path / "scans").mkdir()
+    for seed in range(9):
+        np.save(tmp_path / "scans" / f"{seed}.npy", scattered(seed))
+    rows = [
+        json.loads(line)
+        for line in here("localize", "one.map", "scans", "--as", "json").stdout.splitlines()
+    ]
+    assert [row["trusted"] for row in rows] == [True, *[False] * 8]
+    assert [row["doubt"] for row in rows] == [None, *["no rival"] * 8]
+    assert {row["ratio"] for row in rows} == {None}
+    table = here("localize", "one.map", "scans").stdout
+    assert table.count("cannot tell: no rival") == 8
+    csv_rows = csv.DictReader(
+        io.StringIO(here("localize", "one.map", "scans", "--as", "csv").stdout)
+    )
+    assert [row["doubt"] for row in csv_rows] == ["", *["no rival"] * 8]
+
+
 def test_a_precision_that_is_no_share_is_refused_before_anything_is_read(here):
     refused(here("map", "calibrate", "no.map", "nowhere", "--precision", 2, "-o", "c.map"), "share")
 
@@ -105,19 +133,21 @@ def test_a_folder_of_ones_own_scans(place_map, second, tmp_path, here):
 
 
 def test_a_scan_that_cannot_be_located_does_not_hide_the_others(place_map, second, tmp_path, here):
-    good, bad = second.points(0), second.points(1).copy()
-    bad[7] = np.nan
-    for name, points in {"a": good, "b": bad, "c": good[:0]}.items():
+    good, holes = second.points(0), second.points(1).copy()
+    holes[7] = np.nan  # a missing return
+    utm = good + np.float32([345_000, 4_037_000, 0])
+    for name, points in {"a": good, "b": holes, "c": good[:0], "e": utm}.items():
         np.save(tmp_path / f"{name}.npy", points)
     (tmp_path / "d.npy").write_bytes(b"no scan")
-    names = [f"{name}.npy" for name in "abcd"]
+    names = [f"{name}.npy" for name in "abcde"]
     done = here("localize", place_map, *names, "--as", "json")
     assert done.returncode == 1
-    assert [json.loads(line)["scan"] for line in done.stdout.splitlines()] == ["a.npy"]
+    assert [json.loads(line)["scan"] for line in done.stdout.splitlines()] == ["a.npy", "b.npy"]
     errors = [line for line in done.stderr.splitlines() if line.startswith("error")]
     assert len(errors) == 3
-    assert all(f"{name}.npy" in line for name, line in zip("bcd", errors, strict=True))
-    assert "1 of" in errors[0]
+    assert all(f"{name}.npy" in line for name, line in zip("cde", errors, strict=True))
+    assert "look like world coordinates" in errors[2]
+    assert here("localize", place_map, *names[2:]).returncode == 2  # none is located
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -149,8 +179,27 @@ def test_bags_as_a_user_types_them(place_map, second, tmp_path, here):
     refused(here(*localize, "--topic", "/left"), "drive.bag", "cut short")
     (tmp_path / "drive.bag").unlink()
     chat = write_bag(tmp_path, "mcap", {"/chat": ["hello"]})
-    refused(here("localize", place_map, chat), "/chat (std_msgs/msg/String)")
+    refused(here("localize", place_map, chat), "/chat (std_msgs/msg/String, 1 message)")
     assert {path.name for path in tmp_path.iterdir()} == {"drive"}
+
+
+def test_a_bag_of_which_nothing_or_a_part_is_read_is_a_failure(place_map, second, tmp_path, here):
+    clouds = [message(second.points(k)) for k in range(2)]
+    bag = write_bag(tmp_path, "mcap", {"/points": clouds})
+    whole = bag.read_bytes()
+    bag.write_bytes(whole[:-20])
+    done = here("localize", place_map, bag, "--as", "json")
+    assert done.returncode != 0
+    assert [json.loads(line)["stamp"] for line in done.stdout.splitlines()] == [
+        START,
+        START + 10**8,
+    ]
+    refused(done, "2 messages on /points read", "how many more there were is unknown")
+    bag.unlink()
+    (bag.parent / "metadata.yaml").unlink()
+    bag.parent.rmdir()
+    empty = write_bag(tmp_path, "folder", {"/points": []})
+    refused(here("localize", place_map, empty), "topic /points has no messages")
 
 
 def test_what_is_wrong_with_a_message_does_not_hide_those_before(place_map, second, tmp_path, here):
@@ -164,8 +213,8 @@ def test_what_is_wrong_with_a_message_does_not_hide_those_before(place_map, seco
     stamps = [json.loads(line)["stamp"] for line in done.stdout.splitlines()]
     assert stamps == [START + 10**8, None]
     errors = [line for line in done.stderr.splitlines() if line.startswith("error")]
-    assert f"{bag} at {START} ns: scan: shape (0, 3)" in errors[0]
-    assert f"{bag}, /points at {START + 2 * 10**8} ns: PointCloud2: fields range" in errors[1]
+    assert f"{bag}, /points at {START} ns: no points" in errors[0]
+    assert f"{bag}, /points at {START + 2 * 10**8} ns: PointCloud2: fields 'range'" in errors[1]
 
 
 def test_a_sensor_at_another_height_says_where_the_ground_is(place_map, second, tmp_path, here):
@@ -292,6 +341,73 @@ def test_a_custom_drive_is_taken_wherever_a_dataset_is(
     done = here("case-study", "drive.yaml", "--pairs", 2, "-o", "study")
     assert done.returncode == 0, done.stderr
     assert "drive.yaml, first" in done.stdout
+
+
+def test_scans_that_cannot_be_used_are_left_out_and_said(custom_drive, tmp_path, here):
+    good = here(*BUILD, "drive.yaml", "-o", "good.map", "--spacing", 4, "--session", "first")
+    assert good.returncode == 0, good.stderr
+    assert "left out" not in good.stderr
+    zeros, metres = tmp_path / "first" / "0.npy", tmp_path / "first" / "20.npy"
+    np.save(zeros, np.zeros((50, 3)))
+    np.save(metres, np.load(metres) * 1000)
+    drive = ["drive.yaml", "--session", "first", "--spacing"]
+    built = here(*BUILD, *drive, 0, "-o", "a.map")
+    looped = here("loops", *drive, 16, "-o", "a")
+    trust = ["--precision", 0.5, "-o", "c.map"]
+    calibrated = here("map", "calibrate", "good.map", *drive, 24, *trust)
+    for done, least in ((built, 2), (looped, 1), (calibrated, 1)):
+        assert done.returncode == 0, done.stderr
+        (said,) = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
+        assert least <= int(said.split("session first: left out ")[1].split(" of ")[0]) <= 2
+        assert "first/0.npy: " in said
+    scans = len(list((tmp_path / "first").iterdir()))
+    assert len(Map.open(tmp_path / "a.map")) == scans - 2
+    assert 0 not in json.loads((tmp_path / "a.json").read_text())["scans"]
+    # Where scans lie apart, the next one takes its place.
+    assert here(*BUILD, *drive, 4, "-o", "b.map").returncode == 0
+    names = [Map.open(tmp_path / f"{name}.map").places.names for name in ("good", "b")]
+    assert names[0][0] == "0.npy" != names[1][0]
+    assert abs(len(names[0]) - len(names[1])) <= 1
+
+
+def test_too_many_scans_that_cannot_be_used_write_nothing(custom_drive, tmp_path, here):
+    assert here(*BUILD, "drive.yaml", "-o", "m.map", "--session", "first").returncode == 0
+    for path in sorted((tmp_path / "first").iterdir(), key=lambda path: int(path.stem))[::3]:
+        np.save(path, np.zeros((50, 3)))
+    before = {path.name for path in tmp_path.iterdir()}
+    drive = ["drive.yaml", "--session", "first", "--spacing", 0, "-o"]
+    for command in (BUILD, ("loops",), ("map", "calibrate", "m.map")):
+        done = refused(here(*command, *drive, "new"), "scans cannot be used, expected at most 20%")
+        assert done.returncode == 2
+    assert {path.name for path in tmp_path.iterdir()} == before
+
+
+def test_what_the_reader_skips_is_said(custom_drive, tmp_path, here):
+    described = yaml.safe_load(custom_drive.read_text())
+    first = described["drives"]["first"]
+    records = tmp_path / "first_kitti"
+    records.mkdir()
+    for path in (tmp_path / "first").iterdir():
+        points = np.load(path)
+        np.pad(points, ((0, 0), (0, 1))).astype("<f4").tofile(records / f"{path.stem}.bin")
+    (records / "7.bin").write_bytes(b"")
+    first.update(scans="first_kitti", format="kitti")
+    custom_drive.write_text(yaml.safe_dump(described))
+    drive = ["drive.yaml", "--session", "first"]
+    for done in (
+        here(*BUILD, *drive, "-o", "a.map"),
+        here("loops", *drive, "--spacing", 20, "-o", "a"),
+        here("localize", "a.map", *drive, "--every", 40, "--as", "json"),
+    ):
+        assert done.returncode == 0, done.stderr
+        assert "warning: session first: left out 1 broken files" in done.stderr
+        assert "7.bin: 0 bytes" in done.stderr
+    assert all(json.loads(line)["scan"] for line in done.stdout.splitlines())
+
+
+def test_rows_of_poses_that_are_left_out_are_no_warning(tiny_nclt, here):
+    done = here("loops", tiny_nclt, "--session", "2031-03-17", "--spacing", 20, "-o", "a")
+    assert "note: session 2031-03-17: left out 3 bad pose rows" in done.stderr
 
 
 def test_mistakes_in_a_custom_drive_are_named(custom_drive, checkpoint, tmp_path, here):

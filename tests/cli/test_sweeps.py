@@ -96,7 +96,7 @@ def test_what_no_sweep_can_be_is_refused(tmp_path):
     both = deepring("train", "-m", "--cfg", "job", cwd=tmp_path)
     refused(both, "--cfg", "expected only one of the two")
     nowhere = deepring("train", "-m", "hydra.sweep.dir=", "seed=0,1", cwd=tmp_path)
-    refused(nowhere, "hydra.sweep.dir=: no value, expected the folder of the sweep")
+    refused(nowhere, "hydra.sweep.dir=: no value, expected KEY=VALUE")
     refused(deepring("train", "-m", "sweep=tabel3", cwd=tmp_path), "tabel3")
     assert not list(tmp_path.rglob("seed-*"))
 

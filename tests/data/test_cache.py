@@ -258,7 +258,7 @@ def test_a_file_of_another_size_is_noticed(tmp_path):
     file = scans.session.files[1]
     stat = file.stat()
     cache.load(scans, SMALL)
-    np.save(file, np.full((5, 3), 10.0, dtype=np.float32))
+    np.save(file, np.float32([[10, 10, 0], [10, 10, 5]]))
     os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))  # the same time: the size alone
     _, images, _ = cache.load(scans, SMALL)
     assert [path.name for path in reads[2:]] == ["1.npy"]

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deepring.data.readers.custom.custom_scans import UP, CustomScans
+from deepring.data.scans.returns import scan_from
 from deepring.errors import BrokenScanError
 from deepring.rasters import BevRaster
 
@@ -26,7 +27,7 @@ def reading(tmp_path):
 
     def read(reader, points):
         np.save(tmp_path / "scan.npy", points)
-        return reader(tmp_path / "scan.npy")
+        return scan_from(reader(tmp_path / "scan.npy"), "scan").points
 
     return read
 
@@ -117,7 +118,14 @@ def test_a_sector_is_the_same_a_whole_turn_on(low, width, angle, turns):
 def test_missing_returns_are_dropped_and_nothing_left_is_a_broken_scan(reading):
     points = np.float32([[0, 0, 0], [np.nan, 1, 1], [np.inf, 0, 0], [1, 2, 3]])
     np.testing.assert_array_equal(reading(PLAIN, points), [[1, 2, 3]])
-    with pytest.raises(BrokenScanError, match=r"scan\.npy: 3 points, 0 of them valid"):
+    with pytest.raises(BrokenScanError, match=r"scan\.npy: 3 records, all missing returns"):
         reading(PLAIN, points[:3])
-    with pytest.raises(BrokenScanError, match=r"4 points, 1 of them valid, .* z_band, azimuth"):
+    with pytest.raises(BrokenScanError, match=r"1 points, none within z_band, azimuth and range"):
         reading(replace(PLAIN, range=(50, 60)), points)
+
+
+def test_a_crop_counts_no_point_as_missing(tmp_path):
+    np.save(tmp_path / "a.npy", np.float32([[0, 0, 0], [np.nan, 1, 1], [1, 2, 3], [30, 0, 0]]))
+    scan = scan_from(replace(PLAIN, range=(2, 10))(tmp_path / "a.npy"), "a")
+    np.testing.assert_array_equal(scan.points, [[1, 2, 3]])
+    assert scan.missing == 2

@@ -67,13 +67,13 @@ def test_points_are_read_back_from_every_sensors_records(tmp_path, sensor, point
     path.write_bytes(encode(sensor, points))
     present = points[(points != 0).any(axis=1)]
     if len(present):
-        np.testing.assert_array_equal(read_helipr_scan(path, sensor), present)
+        np.testing.assert_array_equal(read_scan(path, f"helipr_{sensor.lower()}"), present)
     else:
         with pytest.raises(BrokenScanError, match="all missing returns"):
-            read_helipr_scan(path, sensor)
+            read_scan(path, f"helipr_{sensor.lower()}")
     path.write_bytes(encode(sensor, points)[:-1])
     with pytest.raises(BrokenScanError, match="expected a multiple of"):
-        read_helipr_scan(path, sensor)
+        read_scan(path, f"helipr_{sensor.lower()}")
 
 
 @pytest.mark.parametrize("name", ["{stamp}", "{number:06d}"])

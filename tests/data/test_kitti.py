@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
 from deepring.data.readers.kitti import list_kitti, open_kitti, read_calibration, read_kitti_scan
+from deepring.data.scans.scan_files import read_scan
 from deepring.errors import BrokenScanError, DeepringError
 from helpers.real_data import real_data
 
@@ -194,10 +195,10 @@ def test_any_bytes_decode_or_are_a_broken_scan(tmp_path, data):
     values = values[np.isfinite(values).all(axis=1)]
     values = values[(values != 0).any(axis=1)]
     if len(data) % 16 == 0 and len(values):
-        np.testing.assert_array_equal(read_kitti_scan(path), values)
+        np.testing.assert_array_equal(read_scan(path, "kitti"), values)
     else:
         with pytest.raises(BrokenScanError, match=r"000000\.bin: \d+ (bytes|records).*expected"):
-            read_kitti_scan(path)
+            read_scan(path, "kitti")
 
 
 def test_real_drive():
@@ -221,3 +222,20 @@ def test_real_scans_as_published():
     points = read_kitti_scan(real_data("kitti08_pair", "000720.bin"))
     assert points.shape == (2026576 // 16, 3)
     assert np.abs(points).max() < 130
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("P0: 1 0\nTr_velo_to_cam: 1 0 0\n", "has P0, Tr_velo_to_cam, but no Tr"),
+        ("Tr: 1 0 0 0 0 1 0 0 0 0 1\n", "Tr is '1 0 0 0 0 1 0 0 0 0 1'; expected .*12 numbers"),
+        ("Tr: 1,0,0,0,0,1,0,0,0,0,1,0\n", "separated by blanks"),
+        ("", "has no Tr"),
+        ("Tr: 1 0 0 0 0 -1 0 0 0 0 1 0\n", "its rotation mirrors"),
+        ("Tr: 1.01 0 0 0 0 1.01 0 0 0 0 1.01 0\n", "lengths 1.01, 1.01, 1.01"),
+    ],
+)
+def test_what_a_calibration_holds_instead_is_named(tmp_path, text, found):
+    (tmp_path / "calib.txt").write_text(text)
+    with pytest.raises(DeepringError, match=rf"calib\.txt: .*{found}"):
+        read_calibration(tmp_path / "calib.txt")

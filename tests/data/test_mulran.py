@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
-from deepring.data.readers.mulran import list_mulran, open_mulran, read_mulran_scan
+from deepring.data.readers.mulran import list_mulran, open_mulran
+from deepring.data.scans.scan_files import read_scan
 from deepring.errors import BrokenScanError, DeepringError
 
 SAME_FOLDER = settings(
@@ -52,12 +53,12 @@ def test_decoding_inverts_encoding_and_missing_returns_go(tmp_path, rows):
     path.write_bytes(encode(rows))
     present = rows[(rows[:, :3] != 0).any(axis=1), :3]
     if len(present):
-        points = read_mulran_scan(path)
+        points = read_scan(path, "mulran")
         assert points.dtype == np.float32
         np.testing.assert_array_equal(points, present)
     else:
         with pytest.raises(BrokenScanError, match="at least one valid point"):
-            read_mulran_scan(path)
+            read_scan(path, "mulran")
 
 
 @SAME_FOLDER
@@ -69,17 +70,17 @@ def test_any_bytes_decode_or_are_a_broken_scan(tmp_path, data):
     values = values[np.isfinite(values).all(axis=1)]
     values = values[(values != 0).any(axis=1)]
     if len(data) % 16 == 0 and len(values):
-        np.testing.assert_array_equal(read_mulran_scan(path), values)
+        np.testing.assert_array_equal(read_scan(path, "mulran"), values)
     else:
         with pytest.raises(BrokenScanError, match=r"1\.bin: \d+ (bytes|records).*expected"):
-            read_mulran_scan(path)
+            read_scan(path, "mulran")
 
 
 def test_missing_and_unusable_points_are_dropped(tmp_path):
     path = tmp_path / "1.bin"
     rows = [(0, 0, 0, 9), (1, 0, 0, 9), (np.nan, 1, 1, 0), (1, np.inf, 1, 0), (2, 2, 2, np.nan)]
     path.write_bytes(encode(rows))
-    np.testing.assert_array_equal(read_mulran_scan(path), [[1, 0, 0], [2, 2, 2]])
+    np.testing.assert_array_equal(read_scan(path, "mulran"), [[1, 0, 0], [2, 2, 2]])
 
 
 @pytest.mark.parametrize("folder", ["Ouster", "sensor_data/Ouster"])

@@ -75,10 +75,10 @@ def test_files_of_other_content_are_broken_scans(tmp_path_factory, ending, conte
 def test_arrays_that_are_no_points_are_refused(tmp_path):
     for name, array in {"flat": np.zeros(9), "narrow": np.zeros((3, 2))}.items():
         np.save(tmp_path / f"{name}.npy", array)
-        with pytest.raises(BrokenScanError, match=r"expected numbers \(n, 3\)"):
+        with pytest.raises(BrokenScanError, match=r"expected \(n, 3\) or wider"):
             read_scan(tmp_path / f"{name}.npy")
     np.save(tmp_path / "words.npy", np.full((4, 3), "word"))
-    with pytest.raises(BrokenScanError, match="type <U4"):
+    with pytest.raises(BrokenScanError, match=r"type '<U4', not of real numbers"):
         read_scan(tmp_path / "words.npy")
 
 

@@ -6,7 +6,7 @@ import shutil
 import pytest
 import torch
 
-from deepring.errors import DeepringError
+from deepring.errors import DeepringError, StoppedError
 from deepring.evaluation.results import read_results
 from deepring.experiment.status import (
     Status,
@@ -222,6 +222,13 @@ def test_status_reads_back_and_junk_is_named(tmp_path):
         (tmp_path / "status.json").write_text(junk)
         with pytest.raises(DeepringError, match=r"status\.json"):
             read_status(tmp_path)
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, StoppedError])
+def test_an_interruption_is_no_failure(stop, tmp_path):
+    with pytest.raises(stop), note_failure(tmp_path):
+        raise stop
+    assert read_status(tmp_path) == Status("interrupted")
 
 
 def test_a_failure_names_the_type_where_it_is_no_mistake(tmp_path):

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
@@ -38,17 +38,30 @@ def message(points, width=4, big=False, before=0, after=0, row_padding=0, rows=1
     )
 
 
-def write_bag(folder, kind, topics, stamped=True):
-    """A bag of ``topics``, name -> messages or texts, one every 0.1 s; its path."""
+def encoded(content, at):
+    """The bytes of a ROS 2 message with the stamp ``at``, nanoseconds."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    return bytes(store.serialize_cdr(_typed(store, "mcap", content, at), CLOUD))
+
+
+def write_bag(folder, kind, topics, stamped=True, compression=None, mode=None):
+    """A bag of ``topics``, name -> messages or texts, one every 0.1 s; its path.
+
+    ``compression`` is that of the chunks of ROS 1; ``mode`` is "message" or "file", in ROS 2.
+    """
     store = get_typestore(Stores.ROS1_NOETIC if kind == "bag" else Stores.ROS2_HUMBLE)
     encode = store.serialize_ros1 if kind == "bag" else store.serialize_cdr
     if kind == "bag":
         path = folder / "drive.bag"
         writer = Writer1(path)
+        if compression:
+            writer.set_compression(Writer1.CompressionFormat[compression.upper()])
     else:
         path = folder / "drive"
         plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
         writer = Writer2(path, version=9, storage_plugin=plugin)
+        if mode:
+            writer.set_compression(CompressionMode[mode.upper()], CompressionFormat.ZSTD)
     with writer:
         for topic, contents in topics.items():
             msgtype = STRING if contents and isinstance(contents[0], str) else CLOUD

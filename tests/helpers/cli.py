@@ -26,17 +26,25 @@ SMALL = (
 Done = subprocess.CompletedProcess
 
 
-def deepring(*arguments, cwd) -> Done:
-    """Run a command in this process: its exit status, output and errors."""
+def deepring(*arguments, cwd, encoding="utf-8") -> Done:
+    """Run a command in this process: its exit status, output and errors.
+
+    Both are written in ``encoding``, and read in it as the test's text.
+    """
     words = [str(argument) for argument in arguments]
-    out, errors = io.StringIO(), io.StringIO()
+    streams = [io.TextIOWrapper(io.BytesIO(), encoding=encoding, newline="") for _ in range(2)]
+    out, errors = streams
     with as_new_process(cwd), contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
         try:
             main(words)
             status = 0
         except SystemExit as stopped:
             status = stopped.code or 0
-    done = Done(words, status, out.getvalue(), errors.getvalue())
+    texts = []
+    for stream in streams:
+        stream.flush()
+        texts.append(stream.buffer.getvalue().decode(encoding))
+    done = Done(words, status, *texts)
     assert "Traceback" not in done.stderr + done.stdout
     return done
 

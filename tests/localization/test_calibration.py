@@ -20,7 +20,7 @@ from deepring.localization.calibration import (
     run_trials,
 )
 from deepring.localization.candidates import RerankSettings
-from deepring.localization.location import AcceptanceThresholds
+from deepring.localization.location import FIT_WITHOUT_RIVAL, AcceptanceThresholds
 from deepring.localization.map import Map
 from helpers.networks import small_network
 
@@ -33,26 +33,33 @@ def trials(fit, ratio, right, nearest=0.0):
         np.where(right, 0.5, 30.0),
         np.zeros(len(right)),
         np.broadcast_to(np.asarray(nearest, float), len(right)),
+        np.full(len(right), 500.0),
     )
 
 
 @settings(deadline=None, max_examples=60)
-@given(seed=st.integers(0, 10**6), precision=st.sampled_from([0.5, 0.8, 0.95]))
-def test_no_thresholds_trust_more_right_ones_at_this_precision(seed, precision):
+@given(
+    seed=st.integers(0, 10**6),
+    precision=st.sampled_from([0.5, 0.8, 0.95]),
+    lonely=st.sampled_from([0.0, 0.3, 1.0]),
+)
+def test_no_thresholds_trust_more_right_ones_at_this_precision(seed, precision, lonely):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(3, 60))
-    # Few different ratios: equal ones have to be taken together.
-    some = trials(rng.uniform(0, 0.6, n), rng.integers(1, 8, n) / 2, rng.random(n) < 0.8)
+    # Few different ratios: equal ones have to be taken together. Some have no rival.
+    ratios = np.where(rng.random(n) < lonely, np.inf, rng.integers(1, 8, n) / 2)
+    some = trials(rng.uniform(0, 0.6, n), ratios, rng.random(n) < 0.8)
     right = some.correct(Tolerance())
     most = 0
     for fit in FITS:
-        for ratio in np.unique(some.ratio):
-            chosen = (some.fit >= fit) & (some.ratio >= ratio)
+        for ratio in np.unique(some.ratio[np.isfinite(some.ratio)]):
+            alone = np.isinf(some.ratio) & (some.fit >= max(fit, FIT_WITHOUT_RIVAL))
+            chosen = alone | np.isfinite(some.ratio) & (some.fit >= fit) & (some.ratio >= ratio)
             good = int((chosen & right).sum())
             if good >= precision * (chosen.sum() + 1):
                 most = max(most, good)
     if most == 0:
-        with pytest.raises(DeepringError, match="reached by no thresholds"):
+        with pytest.raises(DeepringError, match=r"reached by no thresholds|second place"):
             calibrate(some, precision)
         return
     found = calibrate(some, precision)
@@ -60,6 +67,7 @@ def test_no_thresholds_trust_more_right_ones_at_this_precision(seed, precision):
     assert int((chosen & right).sum()) == most
     assert found.trusted == chosen.sum()
     assert found.precision == most / chosen.sum() >= precision
+    assert math.isfinite(found.thresholds.ratio)
 
 
 def test_a_few_right_ones_do_not_make_a_high_precision():
@@ -70,7 +78,7 @@ def test_a_few_right_ones_do_not_make_a_high_precision():
 
 def test_right_means_both_position_and_heading():
     some = LocalizationTrials(
-        *np.array([[0.5] * 3, [2.0] * 3, [1.9, 2.1, 1.9], [4.9, 0, 5.1], [0, 0, 0.0]])
+        *np.array([[0.5] * 3, [2.0] * 3, [1.9, 2.1, 1.9], [4.9, 0, 5.1], [0, 0, 0.0], [500] * 3])
     )
     assert some.correct(Tolerance()).tolist() == [True, False, False]
     assert some.correct(Tolerance(metres=3)).tolist() == [True, True, False]
@@ -81,6 +89,16 @@ def test_recall_counts_the_scans_near_the_map_alone():
     found = evaluate_thresholds(some, AcceptanceThresholds(0.2, 1.5))
     assert found.precision == pytest.approx(2 / 3)
     assert found.recall == pytest.approx(2 / 3)
+
+
+def test_without_rivals_there_is_no_ratio_to_calibrate():
+    """It would be infinite, and trust just those locations that nothing was compared with."""
+    with pytest.raises(DeepringError, match="none of 200 scans has a second place"):
+        calibrate(trials([0.5] * 200, [math.inf] * 200, [True] * 200), 0.9)
+    with pytest.raises(DeepringError, match="0 of 0 scans"):
+        calibrate(trials([], [], []), 0.9)
+    with pytest.raises(DeepringError, match="none of 9 scans has a second place"):
+        calibrate(trials([0.5] * 9, [math.nan] * 9, [True] * 9), 0.5)
 
 
 @pytest.mark.parametrize("precision", [0.0, 1.0, -1, math.nan])

@@ -99,6 +99,12 @@ def test_scans_that_share_nothing_keep_the_start():
     assert np.isfinite(one.transform).all()
 
 
+def test_missing_returns_are_dropped():
+    holes = np.insert(AGAIN, 3, [[np.nan, 0, 0], [0, 0, 0], [np.inf, 1, 1]], axis=0)
+    filled, whole = (refine(points, REFERENCE, 0.3, (1.0, 0.5)) for points in (holes, AGAIN))
+    np.testing.assert_array_equal(filled.transform, whole.transform)
+
+
 def test_mistakes_are_named(monkeypatch):
     for name, value in {"voxel": 0, "iterations": 0, "max_shift": -1, "max_turn": math.nan}.items():
         with pytest.raises(DeepringError, match=rf"refinement\.{name}: "):
@@ -106,12 +112,15 @@ def test_mistakes_are_named(monkeypatch):
     for reaches in ((), (2.0, 0.0)):
         with pytest.raises(DeepringError, match=r"refinement\.reaches"):
             RefinementSettings(reaches=reaches)
-    with pytest.raises(DeepringError, match=r"query: shape \(0, 3\)"):
+    with pytest.raises(DeepringError, match="query: no points"):
         refine(AGAIN[:0], REFERENCE, 0, (0, 0))
-    holes = AGAIN.copy()
-    holes[3, 1] = np.nan
-    with pytest.raises(DeepringError, match=r"reference: 1 of \d+ points"):
-        refine(AGAIN, holes, 0, (0, 0))
+    with pytest.raises(DeepringError, match=r"reference: shape \(\d+, 2\), expected \(n, 3\)"):
+        refine(AGAIN, REFERENCE[:, :2], 0, (0, 0))
+    with pytest.raises(DeepringError, match="turn: nan, expected a finite number of radians"):
+        refine(AGAIN, REFERENCE, math.nan, (0, 0))
+    for position in ((0, math.inf), (0, 0, 0), "ab", (1j, 0)):
+        with pytest.raises(DeepringError, match="position: "):
+            refine(AGAIN, REFERENCE, 0, position)
     monkeypatch.setitem(sys.modules, "small_gicp", None)
     with pytest.raises(DeepringError, match=r"pip install 'deepring\[refine\]'"):
         refine(AGAIN, REFERENCE, 0, (0, 0))

@@ -13,6 +13,7 @@ from rich import box
 from rich.table import Table
 
 from deepring.cli.console import console
+from deepring.cli.options import expect_folder
 from deepring.data.readers import (
     binary_formats,
     detect_format,
@@ -21,6 +22,7 @@ from deepring.data.readers import (
     open_session,
 )
 from deepring.data.readers.custom.drive_file import is_drive_file
+from deepring.data.scans.returns import scan_from
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError, ConfigError, DataError, FileError
 from deepring.paper.case_study import (
@@ -95,8 +97,7 @@ def _check(args: argparse.Namespace) -> None:
             f"translation: {args.translation:g}, expected metres from 0 to {reach:g}; beyond that "
             "a scan leaves its own view"
         )
-    if args.output.exists() and not args.output.is_dir():
-        raise FileError(f"output: {args.output} is a file, expected a folder to write to")
+    expect_folder(args.output)
 
 
 def _source(paths: Sequence[Path], format: str | None, session: str | None) -> Source:
@@ -157,7 +158,7 @@ def _readable(
 
 def _points(source: Source, file: Path) -> Points:
     """The points of a scan. Raises BrokenScanError if none of them is in the bird's-eye view."""
-    points = source.read(file)
+    points = scan_from(source.read(file), file).points
     bev = BevRaster()
     if not bev(points, source.ground_z).any():
         raise BrokenScanError(

@@ -24,7 +24,7 @@ def _export_weights(args: argparse.Namespace) -> None:
     from deepring.methods.network_file import load_network, write_network
 
     write_network(args.output, load_network(args.checkpoint, args.method))
-    console.print(f"written      {args.output}", markup=False)
+    console.print(f"written      {args.output}")
 
 
 def _export_onnx(args: argparse.Namespace) -> None:
@@ -34,6 +34,6 @@ def _export_onnx(args: argparse.Namespace) -> None:
     network = load_network(args.checkpoint, args.method).method
     export_onnx(network, args.output)
     shape = ", ".join(str(length) for length in network.raster.shape)
-    console.print(f"written      {args.output}", markup=False)
-    console.print(f"input        images (batch, {shape}) float32", markup=False)
-    console.print("output       descriptors (batch, ...) float32", markup=False)
+    console.print(f"written      {args.output}")
+    console.print(f"input        images (batch, {shape}) float32")
+    console.print("output       descriptors (batch, ...) float32")

@@ -11,11 +11,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 from rich.table import Table
 
 from deepring.cli.console import console
-from deepring.cli.mistakes import error_message
+from deepring.cli.mistakes import MISTAKE, error_message
+from deepring.cli.visible import visible
+from deepring.cli.warnings import say_skipped
 from deepring.data.readers import open_session
 from deepring.data.readers.custom.drive_file import is_drive_file
 from deepring.data.scans.bag_files import bag_scans, is_bag
@@ -25,6 +26,9 @@ from deepring.errors import DeepringError
 from deepring.localization.location import Location
 from deepring.localization.map import Map
 from deepring.progress import progress_bar
+
+#: What the table says about trust; doubts not listed here say that one cannot tell.
+_TRUST = {None: "yes", "fit": "no", "ratio": "no"}
 
 #: A row: file and stamp (ns) of a scan, if it has one, and its location.
 Row = dict[str, Any]
@@ -42,7 +46,10 @@ class Scan(NamedTuple):
 
 
 def localize_command(args: argparse.Namespace) -> None:
-    """Print where each scan was taken; exit with 1 if one cannot be located."""
+    """Print where each scan was taken.
+
+    Exits with 1 if some scans cannot be located, and with 2 if none can.
+    """
     files = scan_files(args.scans)
     place_map = Map.open(args.map, check=not args.unchecked)
     failures: list[str] = []
@@ -51,9 +58,9 @@ def localize_command(args: argparse.Namespace) -> None:
     if rows or not failures:
         _PRINT[args.form](rows)
     for message in failures:
-        print(f"error: {message}", file=sys.stderr)
+        print(f"error: {visible(message)}", file=sys.stderr)
     if failures:
-        sys.exit(1)
+        sys.exit(1 if rows else MISTAKE)
 
 
 def locate(
@@ -89,13 +96,14 @@ def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
     """The scans of one file: one, those of a bag, or those of a drive that a file describes."""
     if is_drive_file(file):
         session = open_session("custom", file, args.session)
+        say_skipped(session)
         ground_z = session.ground_z if args.ground_z is None else args.ground_z
         stamps = [None] * len(session) if session.stamps is None else session.stamps.tolist()
         for k in range(0, len(session), args.every):
             yield Scan(session.files[k], stamps[k], partial(session.points, k), ground_z)
     elif is_bag(file):
-        for stamp, points in bag_scans(file, args.topic, args.every):
-            yield Scan(file, stamp, partial(np.asarray, points), args.ground_z)
+        for stamp, read in bag_scans(file, args.topic, args.every):
+            yield Scan(file, stamp, read, args.ground_z)
     else:
         yield Scan(file, None, partial(read_scan, file, args.format), args.ground_z)
 
@@ -121,7 +129,7 @@ def print_table(rows: Sequence[Row]) -> None:
             f"{math.degrees(row['yaw']):.1f}",
             f"{row['fit']:.2f}",
             f"{row['ratio']:.2f}",
-            "yes" if row["trusted"] else "no",
+            _TRUST.get(row["doubt"], f"cannot tell: {row['doubt']}"),
             row["name"],
         )
     console.print(table)

@@ -7,15 +7,18 @@ from typing import Any
 
 from deepring.cli.commands import COMMANDS, command_line
 from deepring.cli.mistakes import MISTAKE, report_mistakes
+from deepring.cli.output_streams import open_streams, written_out
 from deepring.cli.parser import load, words
 from deepring.cli.process import tune_process
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Entry point: run a command; a user's mistake is one line and exit status 2."""
-    args = parse(sys.argv[1:] if argv is None else argv)
-    with report_mistakes(args.flags):
-        run(args)
+    open_streams()
+    with report_mistakes({}), written_out():
+        args = parse(sys.argv[1:] if argv is None else argv)
+        with report_mistakes(args.flags):
+            run(args)
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:

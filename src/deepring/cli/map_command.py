@@ -1,20 +1,19 @@
 """`deepring map`: build a map of a drive, show one, or calibrate when to trust it."""
 
 import argparse
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deepring.checks import fraction
 from deepring.cli.console import console
 from deepring.cli.options import expect_new, network_of, open_drive
-from deepring.data.session import Points, Session
-from deepring.data.spacing import sample_by_distance
-from deepring.localization.calibration import Tolerance, calibrate, run_trials
+from deepring.cli.warnings import warn
+from deepring.data.left_out import LeftOut, usable_scans
+from deepring.localization.calibration import Tolerance, calibrate, trials_of
+from deepring.localization.location import Location
 from deepring.localization.map import Map
-from deepring.progress import Progress, progress_bar
+from deepring.progress import progress_bar
 from deepring.search.correlation_index import SearchSettings
 
 
@@ -23,6 +22,7 @@ def build(args: argparse.Namespace) -> None:
     expect_new(args.output)
     network = network_of(args.checkpoint)
     session, ground_z = open_drive(args)
+    left_out = LeftOut()
     with progress_bar(f"{session.name}: describing places") as bar:
         place_map = Map.build(
             session,
@@ -30,9 +30,11 @@ def build(args: argparse.Namespace) -> None:
             args.spacing,
             ground_z,
             bar,
+            left_out,
             search=SearchSettings(args.precision),
         )
     place_map.save(args.output)
+    warn(str(left_out))
     show(args.output, place_map)
 
 
@@ -48,14 +50,19 @@ def calibrate_map(args: argparse.Namespace) -> None:
     tolerance = Tolerance(metres=args.within)
     place_map = Map.open(args.map, check=True)
     session, ground_z = open_drive(args)
-    everywhere = np.ones(len(session.files), dtype=np.bool_)
-    scans = sample_by_distance(session.positions, args.spacing, everywhere)
+    left_out = LeftOut()
+
+    def locate(k: int) -> Location:
+        return place_map.localize(session.points(k), ground_z=ground_z)
+
     with progress_bar(f"{session.name}: locating") as bar:
-        trials = run_trials(place_map, scans_of(session, scans, bar), ground_z)
+        located = usable_scans(session, args.spacing, locate, left_out, bar)
+        trials = trials_of(place_map, ((location, session.poses[k]) for k, location in located))
+    warn(str(left_out))
     calibration = calibrate(trials, args.precision, tolerance)
     place_map.thresholds = calibration.thresholds
     place_map.save(args.output)
-    console.print(f"written      {args.output}", markup=False)
+    console.print(f"written      {args.output}")
     console.print(
         f"trust        fit {calibration.thresholds.fit:g}, ratio {calibration.thresholds.ratio:.3f}"
     )
@@ -63,15 +70,6 @@ def calibrate_map(args: argparse.Namespace) -> None:
     console.print(
         f"recall       {calibration.recall:.3f}, of {calibration.scans} scans those near the map"
     )
-
-
-def scans_of(
-    session: Session, scans: NDArray[np.int64], progress: Progress
-) -> Iterator[tuple[Points, NDArray[np.float64]]]:
-    """Points and poses of the scans with these indices."""
-    for count, k in enumerate(scans.tolist(), start=1):
-        yield session.points(k), session.poses[k]
-        progress(count, len(scans))
 
 
 def show(path: Path, place_map: Map) -> None:

@@ -1,33 +1,19 @@
 """A user's mistake as one line on standard error, in the words of the command line."""
 
-import errno
 import re
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-from deepring.cli.config_mistakes import config_mistake
+from deepring.cli.visible import visible
 from deepring.errors import DeepringError, StoppedError
+from deepring.io.files import reason_of
 
 #: Exit status of a user's mistake, as of argparse.
 MISTAKE = 2
 
 #: Exit status after Ctrl-C.
 INTERRUPTED = 130
-
-#: Messages for the errors of the operating system that a user can correct.
-_FILE_ERRORS = {
-    errno.ENOENT: "no such file or folder",
-    errno.EACCES: "no permission to read or write it",
-    errno.EPERM: "no permission to read or write it",
-    errno.EROFS: "lies on a read-only disk",
-    errno.EISDIR: "is a folder, expected a file",
-    errno.ENOTDIR: "lies below a file, expected folders above it",
-    errno.EEXIST: "exists, expected a new file",
-    errno.ENOSPC: "no space is left on the disk",
-    errno.EDQUOT: "the disk quota is used up",
-    errno.ENAMETOOLONG: "the name is too long",
-}
 
 #: An argument in a message of the library: its first word, or a word in backticks.
 _ARGUMENT = re.compile(r"^[a-z_]+(?:\.[a-z_]+)*(?=:| =)|`([a-z_]+(?:\.[a-z_]+)*)`")
@@ -37,9 +23,9 @@ _ARGUMENT = re.compile(r"^[a-z_]+(?:\.[a-z_]+)*(?=:| =)|`([a-z_]+(?:\.[a-z_]+)*)
 def report_mistakes(flags: Mapping[str, str]) -> Iterator[None]:
     """Print a user's mistake as an error on standard error, and exit with status 2.
 
-    An interrupted training is told likewise, and the status is 130. Mistakes are our own errors,
-    those of Hydra about a config, and those of the operating system about a file. Any other error
-    is a bug and keeps its traceback.
+    An interrupted training is told likewise, and the status is 130. Mistakes are our own errors
+    and those of the operating system about a file. Any other error is a bug and keeps its
+    traceback.
 
     Args:
         flags: the flags of the library's arguments, by name.
@@ -52,7 +38,7 @@ def report_mistakes(flags: Mapping[str, str]) -> Iterator[None]:
     except Exception as error:
         if not is_mistake(error):
             raise
-        print(f"error: {error_message(error, flags)}", file=sys.stderr)
+        print(f"error: {visible(error_message(error, flags))}", file=sys.stderr)
         sys.exit(INTERRUPTED if isinstance(error, StoppedError) else MISTAKE)
 
 
@@ -83,33 +69,12 @@ def with_flags(message: str, flags: Mapping[str, str]) -> str:
 
 
 def is_mistake(error: Exception) -> bool:
-    """Whether the user can correct it: an error of ours, about the config, or about a file.
-
-    Errors of Hydra and OmegaConf are recognised by module, so that neither is imported: by the
-    module of the class, and by the module that raised it, since both also raise ValueErrors.
-    """
-    modules = {cls.__module__.partition(".")[0] for cls in type(error).__mro__}
-    if isinstance(error, ValueError):
-        modules.add(_raised_in(error).partition(".")[0])
-    return isinstance(error, DeepringError | OSError) or bool(modules & {"hydra", "omegaconf"})
+    """Whether the user can correct it: an error of ours, or of the operating system on a file."""
+    return isinstance(error, DeepringError | OSError)
 
 
 def _text(error: Exception) -> str:
-    if isinstance(error, DeepringError):
+    if not isinstance(error, OSError):
         return str(error)
-    mistake = config_mistake(error)
-    if mistake is not None:
-        return mistake
-    if isinstance(error, OSError):
-        message = _FILE_ERRORS.get(error.errno or 0, error.strerror or str(error))
-        return message if error.filename in (None, "") else f"{error.filename}: {message}"
-    text = f"{error}\n{error.__cause__}" if error.__cause__ else str(error)
-    return "; ".join(line.strip() for line in text.splitlines() if line.strip())
-
-
-def _raised_in(error: Exception) -> str:
-    """Name of the module whose code raised the error; empty where it was never raised."""
-    name, trace = "", error.__traceback__
-    while trace is not None:
-        name, trace = str(trace.tb_frame.f_globals.get("__name__", "")), trace.tb_next
-    return name
+    message = reason_of(error)
+    return message if error.filename in (None, "") else f"{error.filename}: {message}"

@@ -26,4 +26,4 @@ def score_command(args: argparse.Namespace) -> None:
         console.print(render_radii(results, over))
     if args.output is not None:
         write_results(args.output, results)
-        console.print(f"results      {args.output}", markup=False)
+        console.print(f"results      {args.output}")

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from deepring.checks import one_of
 from deepring.cli.console import console
+from deepring.cli.options import expect_folder
 from deepring.evaluation.matches import FOLDER, matches_in
 from deepring.evaluation.metrics import Over
 from deepring.experiment.runs import find_runs
@@ -27,9 +28,10 @@ from deepring.reports.table import Table, csv, latex, markdown, terminal
 def tables_command(args: argparse.Namespace) -> None:
     """Print the tables of finished runs, and write them."""
     over = one_of("over", args.over, Over)
+    folder = args.output or args.paths[0] / "tables"
+    expect_folder(folder)
     collection = find_runs(args.paths)
     runs = collection.runs
-    folder = args.output or args.paths[0] / "tables"
     options = {"mix": args.mix, "notes": collection.notes}
     if is_comparison(runs):
         _show_comparison(compare(runs, args.radius, over, **options), runs, folder)
@@ -58,7 +60,7 @@ def _show_comparison(comparison: MethodComparison, runs: Sequence[Run], folder: 
     panels, lacking = curve_panels(comparison, matches)
     if panels:
         for row in lacking:
-            console.print(f"no curve     {row}: no {FOLDER}/*.csv", markup=False)
+            console.print(f"no curve     {row}: no {FOLDER}/*.csv")
         _save(comparison_figure(panels, comparison.radius), folder / "pr_curves.png")
     else:
         console.print(f"no figure    no {FOLDER}/*.csv of Table I or II in the run folders")
@@ -72,13 +74,13 @@ def _write_shown(name: str, table: Table, folder: Path) -> None:
 def _write(path: Path, text: str) -> None:
     """Write a file, and print its path."""
     with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="")
-    console.print(f"{_WHAT[path.suffix]:<12} {path}", markup=False)
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace", newline="")
+    console.print(f"{_WHAT[path.suffix]:<12} {path}")
 
 
 def _save(figure: Figure, path: Path) -> None:
     save(figure, path)
-    console.print(f"figure       {path}", markup=False)
+    console.print(f"figure       {path}")
 
 
 _WHAT = {".md": "table", ".tex": "latex", ".csv": "numbers"}

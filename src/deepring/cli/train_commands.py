@@ -15,12 +15,17 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from deepring.cli.console import console
+from deepring.cli.ddp_process import restartable
 from deepring.cli.mistakes import INTERRUPTED, is_mistake, report_mistakes
+from deepring.cli.output_streams import open_streams
+from deepring.cli.overrides import checked, is_sweep, quoted, value_of
 from deepring.cli.process import tune_process
+from deepring.cli.visible import visible
 from deepring.errors import ConfigError
 from deepring.evaluation.results import Result
 from deepring.experiment.config import EvaluationSettings, check_config
 from deepring.experiment.config_groups import config_folder, register_configs
+from deepring.experiment.config_mistakes import config_mistake
 from deepring.experiment.run_folder import is_first_process, link_latest, open_run_folder
 from deepring.experiment.sweep_names import naming
 from deepring.experiment.sweep_outcomes import (
@@ -31,9 +36,6 @@ from deepring.experiment.sweep_outcomes import (
 )
 from deepring.progress import silence
 from deepring.reports.results_table import render, render_radii
-
-#: Options of Hydra that print something instead of running jobs.
-_MODES = ("--cfg", "-c", "--info", "-i", "--resolve", "--package", "--run", "-r")
 
 #: Config keys of the library's arguments, by name.
 _KEYS = {
@@ -48,37 +50,27 @@ def train_command(args: argparse.Namespace) -> None:
 
     ``resume=CHECKPOINT`` goes on in that run's folder.
     """
-    overrides: list[str] = args.overrides
-    if is_sweep(overrides):
-        if report_sweep(run_multirun(overrides)):
+    if is_sweep(args.overrides):
+        if report_sweep(run_multirun(args.overrides)):
             sys.exit(1)
         return
-    checkpoints = [a.partition("=")[2] for a in overrides if a.startswith("resume=")]
-    if checkpoints and (folder := run_of(Path(checkpoints[-1]))) is not None:
-        overrides = [*overrides, f"hydra.run.dir={folder}"]
+    overrides = checked(args.overrides)
+    checkpoint = value_of(overrides, "resume")
+    if checkpoint is not None and (folder := run_of(Path(checkpoint))) is not None:
+        overrides = [*overrides, quoted("hydra.run.dir", str(folder))]
     _run_hydra("train", _train, overrides)
 
 
 def evaluate_command(args: argparse.Namespace) -> None:
     """Evaluate a checkpoint and the methods that learn nothing."""
-    _run_hydra("evaluate", _evaluate, args.overrides)
-
-
-def is_sweep(arguments: Sequence[str]) -> bool:
-    """Whether the arguments ask for a sweep. Raises ConfigError for a further mode."""
-    multirun = any(argument in ("-m", "--multirun") for argument in arguments)
-    modes = [argument for argument in arguments if argument.partition("=")[0] in _MODES]
-    if multirun and modes:
-        raise ConfigError(
-            f"-m: together with {modes[0]}, which prints one config; expected only one of the two"
-        )
-    return multirun
+    _run_hydra("evaluate", _evaluate, checked(args.overrides))
 
 
 def run_multirun(arguments: Sequence[str]) -> SweepOutcomes:
     """Run the jobs of ``deepring train -m``; on Ctrl-C print their outcomes, and exit."""
-    names = naming(arguments, config_folder())
-    outcomes = run_sweep(lambda: _run_hydra("train", _sweep_job, [*arguments, *names]))
+    overrides = checked(arguments)
+    overrides += naming(overrides, config_folder())
+    outcomes = run_sweep(lambda: _run_hydra("train", _sweep_job, overrides))
     if outcomes.interrupted:
         report_sweep(outcomes)
         print("interrupted; the same command goes on with what is left", file=sys.stderr)
@@ -91,7 +83,7 @@ def report_sweep(outcomes: SweepOutcomes) -> int:
     finished, failed = outcomes.finished, outcomes.failed
     console.print(f"sweep        {len(finished)} of {len(finished) + len(failed)} jobs finished")
     for folder, error in failed:
-        print(f"failed       {folder.name}: {error}", file=sys.stderr)
+        print(visible(f"failed       {folder.name}: {error}"), file=sys.stderr)
     if finished:
         sweep = _from_here(finished[0].parent)
         if any((folder / "results.csv").is_file() for folder in finished):
@@ -112,18 +104,25 @@ def run_of(checkpoint: Path) -> Path | None:
 def _run_hydra(
     name: str, task: Callable[[DictConfig], float | None], arguments: Sequence[str]
 ) -> None:
-    # DDP starts its other processes as `python argv[0] argv[1:]`.
-    sys.argv = [str(Path(__file__).with_name("ddp_process.py")), *arguments]
     # With it, Hydra raises its errors, and `main` prints them like ours.
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")
     register_configs()
-    hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=name)(task)()
+    compose = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=name)
+    try:
+        with restartable(arguments):
+            compose(task)()
+    except Exception as error:
+        mistake = config_mistake(error, [text for text in arguments if not text.startswith("-")])
+        if mistake is None:
+            raise
+        raise ConfigError(mistake) from error
 
 
 def _sweep_job(composed: DictConfig) -> float:
     """Run one job, and return its validation score, which a search maximises."""
     from deepring.experiment.sweep import run_job
 
+    open_streams()  # it may be the first thing that a process of the launcher does
     tune_process()
     _keep_lightning_quiet()
     _name_in_log(Path(HydraConfig.get().runtime.output_dir).name)

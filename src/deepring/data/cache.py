@@ -17,7 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from deepring.data.packed_rasters import Rasters, pack
+from deepring.data.left_out import LeftOut
+from deepring.data.packed_rasters import Rasters, pack, unpack
 from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DataError, FileError
@@ -56,7 +57,7 @@ class RasterCache:
         keys = _keys(scans, raster)
         broken: list[str] = []
         with self._database() as database:
-            rows = _find(database, keys)
+            rows = [_unless_blank(row, raster) for row in _find(database, keys)]
             missing = [k for k, row in enumerate(rows) if row is None]
             count = len(scans) - len(missing)
             if progress is not None:
@@ -107,16 +108,20 @@ class RasterCache:
 def load_rasters(
     cache: RasterCache, scans: ScanSet, raster: Raster, what: str, bar: Bar = progress_bar
 ) -> tuple[ScanSet, Rasters]:
-    """The readable scans of a set and their rasters; logs broken scans.
+    """The readable scans of a set and their rasters; logs those that are left out.
 
-    Raises DataError if all scans are broken. ``what`` names the set in messages.
+    Raises DataError if no scan is left, or too many cannot be used; see
+    `deepring.data.left_out.LeftOut`. ``what`` names the set in messages.
     """
     with bar(what) as progress:
         readable, rasters, broken = cache.load(scans, raster, progress)
     if not len(readable):
         raise DataError(f"{what}: none of {len(scans)} scans can be read; first: {broken[0]}")
+    left_out = LeftOut(what, len(scans))
+    for reason in broken:
+        left_out.add(reason)
     if broken:
-        log.warning("%s: skipped %d broken scans; first: %s", what, len(broken), broken[0])
+        log.warning("%s", left_out)
     return readable, rasters
 
 
@@ -182,6 +187,14 @@ def _find(database: sqlite3.Connection, keys: list[_Key]) -> list[bytes | None]:
             fresh = (size, changed) == (key.size, key.changed_ns)
             images.append(image if fresh else None)
     return images
+
+
+def _unless_blank(row: bytes | None, raster: Raster) -> bytes | None:
+    """The row; None if nothing is to be seen in it, as earlier versions stored some."""
+    if row is None:
+        return None
+    dtype = np.uint8 if raster.dtype == np.bool_ else raster.dtype
+    return None if raster.is_blank(unpack(np.frombuffer(row, dtype), raster)) else row
 
 
 def _store(database: sqlite3.Connection, rows: list[tuple[_Key, bytes | None]]) -> None:

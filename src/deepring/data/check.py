@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from deepring.checks import one_of
-from deepring.data.poses.pose_tables import NANOSECONDS
+from deepring.data.poses.stamps import NANOSECONDS
 from deepring.data.readers import detect_format, list_sessions, open_session
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DeepringError

@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 from deepring.core.rigid import turn_points, yaw_of
 from deepring.data.session import Session
+from deepring.errors import BrokenScanError
 from deepring.rasters import Raster
+from deepring.rasters.blank import blank_reason
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +50,18 @@ class ScanSet:
         return ScanSet(self.session, self.indices[mask], self.ground_z, turns)
 
     def rasterize(self, k: int, raster: Raster) -> NDArray[Any]:
-        """Read and rasterize scan ``k`` of the set. Raises BrokenScanError."""
-        points = self.session.points(int(self.indices[k]))
+        """Read and rasterize scan ``k`` of the set.
+
+        Raises BrokenScanError if it cannot be read, and if nothing of it is seen in the raster.
+        """
+        index = int(self.indices[k])
+        points = self.session.points(index)
         if self.turns is not None:
             points = turn_points(points, float(self.turns[k]))
-        return raster(points, self.ground_z)
+        image = raster(points, self.ground_z)
+        if raster.is_blank(image):
+            reason = blank_reason(points, self.ground_z, raster.preprocessing)
+            raise BrokenScanError(
+                f"{self.session.files[index]}: nothing stands out of the ground: {reason}"
+            )
+        return image

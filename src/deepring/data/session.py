@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.data.scans.returns import Scan, scan_from
 from deepring.errors import DataError
 
 Points = NDArray[np.float32]
@@ -41,7 +42,7 @@ class Session:
     (n, 2) float64, the planar coordinates of the dataset's own ground truth (NCLT: north, east;
     MulRan: easting, northing), which regions refer to. ``stamps`` are (n,)
     int64 nanoseconds, or None without time stamps. ``read`` decodes one file and raises
-    BrokenScanError if it cannot.
+    BrokenScanError if it cannot; its (n, 3) may contain missing returns, which `scan` drops.
     """
 
     name: str
@@ -68,9 +69,20 @@ class Session:
     def __len__(self) -> int:
         return len(self.files)
 
+    def scan(self, index: int) -> Scan:
+        """Read scan ``index``, and count its missing returns (see `Scan`).
+
+        Raises BrokenScanError for a file that cannot be decoded, or without any point.
+        """
+        file = self.files[index]
+        return scan_from(self.read(file), file)
+
     def points(self, index: int) -> Points:
-        """Read scan ``index``: (m, 3) float32 in its own frame. Raises BrokenScanError."""
-        return self.read(self.files[index])
+        """Read scan ``index``: (m, 3) float32 in its own frame, without missing returns.
+
+        Raises BrokenScanError for a file that cannot be decoded, or without any point.
+        """
+        return self.scan(index).points
 
     def __iter__(self) -> Iterator[Points]:
         """Stream the scans in driving order, one in memory at a time."""

@@ -61,7 +61,10 @@ def write_results(path: str | Path, results: Iterable[Result]) -> None:
     The file is replaced in one step, so that nobody reads half of it. Floats are read back exactly.
     Raises FileError if the file cannot be written.
     """
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+    with (
+        replacing(path) as temporary,
+        temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file,
+    ):
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
         writer.writerows([*astuple(result)[0], *astuple(result)[1:]] for result in results)

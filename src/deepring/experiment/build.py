@@ -11,15 +11,16 @@ from typing import Any, cast, get_type_hints
 
 import lightning as L
 import torch
-from hydra.errors import InstantiationException
-from hydra.utils import get_class, instantiate
-from lightning.pytorch.callbacks import Callback
+from lightning.pytorch.callbacks import Callback, LearningRateMonitor
 from lightning.pytorch.loggers import Logger
 
+from deepring.checks import of_type
 from deepring.data.cache import RasterCache
 from deepring.data.dataset import DatasetConfig, PlaceDataset
-from deepring.errors import ConfigError, DeepringError
+from deepring.errors import ConfigError
 from deepring.experiment.config import Config
+from deepring.experiment.objects import make, target_of
+from deepring.experiment.trainer_values import check_trainer
 from deepring.io.typed import typed, typed_values
 from deepring.methods.method import Method
 from deepring.methods.network import NetworkMethod, PlainSettings
@@ -31,32 +32,11 @@ from deepring.training.scheme import TrainingScheme
 
 log = logging.getLogger(__name__)
 
-PRECISIONS = ("32-true", "32", "bf16-mixed", "16-mixed")
-
-#: Keys of ``trainer`` that are whole numbers or null.
-WHOLE_NUMBERS = (
-    "max_epochs",
-    "max_steps",
-    "num_nodes",
-    "check_val_every_n_epoch",
-    "log_every_n_steps",
-    "num_sanity_val_steps",
-)
+#: Metrics of each validation set.
+METRICS = ("recall@1", "auc")
 
 #: Keys of a method's node that are not settings.
 NOT_SETTINGS = ("_target_", "label", "note")
-
-
-def make(node: Any, key: str, *args: Any, **kwargs: Any) -> Any:
-    """Hydra's instantiate; a wrong argument is a ConfigError that names the config key."""
-    try:
-        return instantiate(node, *args, **kwargs)
-    except InstantiationException as error:
-        cause = error.__cause__
-        if isinstance(cause, DeepringError):
-            raise cause from None
-        reason = str(cause or error).splitlines()[0]
-        raise ConfigError(f"{key}: {node} cannot be made ({reason})") from error
 
 
 Datasets = tuple[list[PlaceDataset], list[PlaceDataset]]
@@ -85,17 +65,12 @@ def datasets(cfg: Config) -> Datasets:
     return open_all("train_data", cfg.train_data), open_all("test_data", cfg.test_data)
 
 
-def class_of(node: Mapping[str, Any], key: str = "method") -> type[Any]:
-    """The class that a node names. Raises ConfigError if it cannot be imported."""
-    path = node.get("_target_")
-    try:
-        return get_class(str(path))
-    except (ImportError, ValueError) as error:
-        reason = str(error).splitlines()[0]
-        raise ConfigError(
-            f"{key}._target_: {path!r} cannot be imported ({reason}); expected the dotted path of "
-            "a class, such as deepring.methods.deepring.DeepRing"
-        ) from None
+def class_of(node: Any, key: str = "method") -> type[Any]:
+    """The class that a node names. Raises ConfigError if it cannot be imported, or is no class."""
+    target = target_of(node, key)
+    if not isinstance(target, type):
+        raise ConfigError(f"{key}._target_: {node['_target_']!r} is no class, expected one")
+    return target
 
 
 def learns(node: Mapping[str, Any] | None) -> bool:
@@ -116,7 +91,7 @@ def method(node: Mapping[str, Any] | None, key: str = "method") -> Method:
     values = {name: value for name, value in node.items() if name not in NOT_SETTINGS}
     hints = get_type_hints(cls.__init__)
     names = [name for name in inspect.signature(cls).parameters if name != "raster"]
-    raster = {"raster": make_raster(values.pop("raster"))} if "raster" in values else {}
+    raster = {"raster": _raster(values.pop("raster"), key)} if "raster" in values else {}
     arguments = typed_values({n: hints.get(n, Any) for n in names}, values, key, whole=False)
     return cast("Method", cls(**raster, **arguments))
 
@@ -125,9 +100,21 @@ def network_settings(node: Mapping[str, Any], key: str = "method") -> PlainSetti
     """The settings of a node's network. Raises ConfigError as `method` does."""
     values = {name: value for name, value in node.items() if name not in NOT_SETTINGS}
     if "raster" in values:  # with all its values, as in a checkpoint
-        values["raster"] = raster_settings(make_raster(values["raster"]))
+        values["raster"] = raster_settings(_raster(values["raster"], key))
     settings: type[PlainSettings] = class_of(node, key).settings_class
     return settings.from_dict(values, key)
+
+
+def _raster(values: Any, key: str) -> Raster:
+    """The raster of a method's node at ``key``."""
+    if not isinstance(values, Mapping) or not isinstance(values.get("preprocessing"), dict | None):
+        raise ConfigError(f"{key}.raster: {values!r}, expected values by name, such as kind")
+    try:
+        return make_raster(dict(values))
+    except ConfigError as error:
+        if not str(error).startswith("raster"):
+            raise
+        raise ConfigError(f"{key}.{error}") from None
 
 
 def fixed_methods(cfg: Config) -> dict[str, Method]:
@@ -135,9 +122,8 @@ def fixed_methods(cfg: Config) -> dict[str, Method]:
     nodes = {f"methods.{name}": node for name, node in cfg.methods.items() if node is not None}
     if cfg.method is not None and not learns(cfg.method):
         nodes = {"method": cfg.method, **nodes}
-    return {
-        node.get("label", key.rpartition(".")[2]): method(node, key) for key, node in nodes.items()
-    }
+    made = {key: method(node, key) for key, node in nodes.items()}
+    return {nodes[key].get("label", key.rpartition(".")[2]): each for key, each in made.items()}
 
 
 def raster_cache(cfg: Config) -> RasterCache:
@@ -175,6 +161,7 @@ def datamodule(cfg: Config, datasets: list[PlaceDataset], raster: Raster) -> Pla
 
 def module(cfg: Config, datasets: list[PlaceDataset], network: NetworkMethod) -> PlaceModule:
     """The network under training."""
+    check_optimizer(cfg)
     return PlaceModule(
         network,
         scheme(cfg.sampling),
@@ -187,25 +174,38 @@ def module(cfg: Config, datasets: list[PlaceDataset], network: NetworkMethod) ->
     )
 
 
+def check_optimizer(cfg: Config) -> None:
+    """Raise ConfigError for an optimizer or a schedule that could not be made in the training."""
+    optimizer = make(cfg.optimizer, "optimizer", [torch.nn.Parameter(torch.zeros(1))])
+    of_type("optimizer._target_", optimizer, torch.optim.Optimizer)
+    if cfg.scheduler is not None:
+        schedule = make(cfg.scheduler, "scheduler", optimizer)
+        of_type("scheduler._target_", schedule, torch.optim.lr_scheduler.LRScheduler)
+
+
+def check_training(cfg: Config) -> None:
+    """Raise ConfigError for a value of the training, for a command that does not train."""
+    if cfg.sampling is not None:
+        scheme(cfg.sampling)
+    if cfg.loss is not None:
+        make(cfg.loss, "loss")
+    check_optimizer(cfg)
+    check_trainer(cfg.trainer)
+    _callback_nodes(cfg)
+
+
 def trainer(
-    cfg: Config, folder: Path, *, validated: bool, further: Sequence[Callback] = ()
+    cfg: Config, folder: Path, *, validation: Sequence[str], further: Sequence[Callback] = ()
 ) -> L.Trainer:
     """Lightning's trainer with the configured callbacks and logger, writing below ``folder``.
 
-    ``further`` callbacks follow the configured ones. Without validation, the weights of the last
-    epoch are kept.
+    ``further`` callbacks follow the configured ones. Without ``validation``, the names of the
+    validation sets, the weights of the last epoch are kept.
     """
-    if str(cfg.trainer["precision"]) not in PRECISIONS:
-        raise ConfigError(
-            f"trainer.precision: {cfg.trainer['precision']}, expected one of "
-            f"{', '.join(PRECISIONS)}; sinograms and spectra are computed in float32"
-        )
-    for key in WHOLE_NUMBERS:  # Lightning meets another type in mid-training
-        value = cfg.trainer.get(key)
-        if value is not None and (isinstance(value, bool) or not isinstance(value, int)):
-            raise ConfigError(f"trainer.{key}: {value!r}, expected a whole number")
-    nodes = {name: dict(node) for name, node in cfg.callbacks.items() if node}
-    if not validated:
+    check_trainer(cfg.trainer)
+    nodes = _callback_nodes(cfg)
+    _check_monitors(nodes, validation)
+    if not validation:
         log.warning("no validation split: the weights of the last epoch are kept")
         for node in nodes.values():
             node.pop("monitor", None)
@@ -225,6 +225,37 @@ def trainer(
         # Each process draws its own batches; see BatchOrder.
         use_distributed_sampler=False,
     )
+
+
+def _callback_nodes(cfg: Config) -> dict[str, dict[str, Any]]:
+    """The nodes of the callbacks, by name. Raises ConfigError that names one which is no node.
+
+    Without a logger, a monitor of the learning rate has nothing to do, and is left out.
+    """
+    nodes = {}
+    for name, node in cfg.callbacks.items():
+        if node is None:
+            continue
+        cls = class_of(node, f"callbacks.{name}")
+        if cfg.logger is None and issubclass(cls, LearningRateMonitor):
+            continue
+        nodes[name] = dict(node)
+    return nodes
+
+
+def _check_monitors(nodes: Mapping[str, Mapping[str, Any]], validation: Sequence[str]) -> None:
+    """Raise ConfigError for a callback that waits for a value which is never logged.
+
+    A scheme of one's own may log more of its training than is known here.
+    """
+    known = ["val/recall@1", *(f"val/{n}/{kind}" for n in validation for kind in METRICS)]
+    for name, node in nodes.items():
+        monitor = node.get("monitor")
+        if validation and monitor not in (None, *known) and not str(monitor).startswith("train/"):
+            raise ConfigError(
+                f"callbacks.{name}.monitor: {monitor!r}, expected one of {', '.join(known)}, or "
+                "train/loss"
+            )
 
 
 def device(cfg: Config) -> torch.device:

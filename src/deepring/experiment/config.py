@@ -6,11 +6,12 @@ from typing import Any, cast
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from deepring.checks import count, one_of, positive
+from deepring.checks import at_least, count, number, one_of, positive
 from deepring.data.dataset import DatasetConfig
 from deepring.data.readers import reader_names
 from deepring.errors import ConfigError
 from deepring.evaluation.metrics import Over
+from deepring.experiment.config_mistakes import config_mistake
 from deepring.localization.candidates import Rerank
 
 
@@ -108,12 +109,22 @@ class Config:
 
     def __post_init__(self) -> None:
         count("seed", self.seed, 0)
+        if self.seed > HIGHEST_SEED:
+            raise ConfigError(f"seed: {self.seed}, expected a whole number up to {HIGHEST_SEED}")
         count("workers", self.workers, 0)
         one_of("overlap", self.overlap, OVERLAP)
+        datasets = {"data": self.data}
+        datasets |= {f"train_data.{name}": config for name, config in self.train_data.items()}
+        datasets |= {f"test_data.{name}": config for name, config in self.test_data.items()}
+        for key, config in datasets.items():
+            _check_dataset(key, config)
 
 
 #: Regions that a method can be evaluated on.
 EVALUATED = ("test", "whole", "validation")
+
+#: The seeds that NumPy takes.
+HIGHEST_SEED = 2**32 - 1
 
 #: What to do about test regions that hold training scans.
 OVERLAP = ("refuse", "leave_out", "allow")
@@ -137,12 +148,24 @@ def check_config(composed: DictConfig) -> Config:
         if missing:
             names = ", ".join(sorted(missing))
             raise ConfigError(
-                f"config: no value of {names}, expected one; give it as {sorted(missing)[0]}=VALUE"
+                f"{names}: no value, expected one; give it as {sorted(missing)[0]}=VALUE"
             )
         return cast("Config", OmegaConf.to_object(checked))
     except OmegaConfBaseException as error:
-        where = f" key {error.full_key}" if error.full_key else ""
-        raise ConfigError(f"config{where}: {str(error).splitlines()[0]}") from error
+        raise ConfigError(config_mistake(error)) from error
+
+
+def _check_dataset(key: str, config: DatasetConfig) -> None:
+    """Raise ConfigError that names the key of a length or seed that is negative or not finite."""
+    lengths = {f"spacing.{name}": value for name, value in vars(config.spacing).items()}
+    lengths |= {name: getattr(config, name) for name in ("revisit_radius", "revisit_apart")}
+    lengths["regions.margin"] = config.regions.margin
+    for name, value in lengths.items():
+        at_least(f"{key}.{name}", value, 0, "metres")
+    if config.query_turn_seed is not None:
+        count(f"{key}.query_turn_seed", config.query_turn_seed, 0)
+    if config.ground_z is not None:
+        number(f"{key}.ground_z", config.ground_z, "metres")
 
 
 def _some(name: str, values: list[Any]) -> None:

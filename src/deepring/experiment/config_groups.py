@@ -85,7 +85,7 @@ def _chosen(folder: Path, file: Path) -> Iterator[tuple[str, str | None]]:
     import yaml
 
     group = file.parent.relative_to(folder).as_posix().removeprefix(".")
-    for entry in (yaml.safe_load(file.read_text()) or {}).get("defaults", []):
+    for entry in (yaml.safe_load(file.read_text(encoding="utf-8")) or {}).get("defaults", []):
         if isinstance(entry, str):
             if (file.parent / f"{entry}.yaml").is_file():
                 yield from _chosen(folder, file.parent / f"{entry}.yaml")

@@ -18,6 +18,7 @@ from deepring.experiment.config import EvaluationSettings
 from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.pictures import evaluation_figures
 from deepring.experiment.plan import Plan
+from deepring.io.files import write_whole
 from deepring.localization.candidates import Rerank, RerankSettings
 from deepring.methods.method import Method, describe_all
 from deepring.progress import progress_bar
@@ -42,7 +43,7 @@ def evaluate(plan: Plan, folder: Path) -> list[Result]:
     write_results(folder / "results.csv", results)
     over = plan.evaluation.counted_over
     tables = [markdown(results, plan.evaluation.radii[0], over), markdown_radii(results, over)]
-    (folder / "results.md").write_text("\n".join(tables))
+    write_whole(folder / "results.md", ["\n".join(tables).encode("utf-8", "backslashreplace")])
     _show(plan, folder, outcomes)
     return results
 

@@ -62,6 +62,7 @@ def plan_evaluation(
     ``datasets`` are those of the config if they are open already. With ``after``, the network is
     trained later, so that there may be no other method.
     """
+    build.check_training(cfg)
     network, trained_on, device = None, "", build.device(cfg)
     if checkpoint is not None:
         network, trained_on, _ = load_network(checkpoint, own_class(cfg.method))

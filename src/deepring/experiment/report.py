@@ -55,7 +55,7 @@ def report(run: Path, failures: int = 6) -> str:
         html.heading("The worst failures"),
         *_failures(run, cfg, radius, failures),
         html.heading("Config"),
-        html.preformatted((run / "config.yaml").read_text()),
+        html.preformatted((run / "config.yaml").read_text(encoding="utf-8")),
     ]
     return html.page(f"{cfg.experiment_name}: {run.resolve().name}", parts)
 

@@ -89,6 +89,8 @@ def _run_folders(path: Path) -> Iterator[Path]:
 def _unusable(folder: Path, status: Status) -> str | None:
     if status.state == "failed":
         return f"failed: {((status.error or '').strip() or 'no reason given').splitlines()[0]}"
+    if status.state == "interrupted":
+        return "unfinished: interrupted"
     if status.state != "finished":
         return "unfinished: still running, or killed"
     if not (folder / "results.csv").is_file():
@@ -101,14 +103,19 @@ def _commits(folder: Path) -> list[str]:
     commits = []
     for path in sorted(folder.glob("versions*.json")):
         try:
-            commit = json.loads(path.read_text())["git_commit"]
-        except (OSError, ValueError, KeyError, TypeError):
+            commit = json.loads(path.read_text(encoding="utf-8"))["git_commit"]
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
             raise FileError(
                 f"{path}: no git_commit can be read; expected the versions of a run; delete the "
                 "file to go on without it"
             ) from None
+        if not isinstance(commit, str | None):
+            raise FileError(
+                f"{path}: git_commit: a {type(commit).__name__}, expected text; delete the file to "
+                "go on without it"
+            )
         if commit is not None:
-            commits.append(str(commit))
+            commits.append(commit)
     return commits
 
 

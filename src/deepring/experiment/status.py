@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
@@ -13,7 +13,7 @@ from deepring import checks
 from deepring.errors import DataError, DeepringError, FileError, StoppedError
 from deepring.io.files import replacing
 
-State = Literal["running", "finished", "failed"]
+State = Literal["running", "finished", "failed", "interrupted"]
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,14 @@ def read_status(folder: Path) -> Status | None:
     """
     path = folder / "status.json"
     try:
-        return _checked(Status(**json.loads(path.read_text())))
+        return _checked(Status(**json.loads(path.read_text(encoding="utf-8"))))
     except FileNotFoundError:
         return None
     except DeepringError as error:
         reason = str(error)
     except OSError as error:
         reason = f"cannot be read ({error.strerror})"
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, RecursionError):
         reason = "does not hold a status as JSON"
     raise FileError(
         f"{path}: {reason}; expected the status of a run; delete the file to run it again"
@@ -56,7 +56,7 @@ def _checked(status: Status) -> Status:
     if not isinstance(status.error, str | None):
         raise DataError(f"error: {status.error!r}, expected text")
     for name, value in numbers.items():
-        if not isinstance(value, float | int | None):
+        if value is not None and not checks.is_number(value):
             raise DataError(f"{name}: {value!r}, expected a number")
     return status
 
@@ -64,19 +64,25 @@ def _checked(status: Status) -> Status:
 def write_status(folder: Path, status: Status) -> None:
     """Write ``status.json``, in one step."""
     with replacing(folder / "status.json") as temporary:
-        temporary.write_text(json.dumps(asdict(status), indent=2) + "\n")
+        temporary.write_text(json.dumps(asdict(status), indent=2) + "\n", encoding="utf-8")
 
 
 @contextmanager
 def note_failure(folder: Path) -> Iterator[None]:
-    """Write 'failed' and the reason to the run folder if the block raises an error."""
+    """Write how the block ended to the run folder if it raises: failed and why, or interrupted."""
     try:
         yield
-    except StoppedError:
+    except (KeyboardInterrupt, StoppedError):
+        _note(folder, Status("interrupted"))
         raise
     except Exception as error:
-        write_status(folder, Status("failed", error=reason(error)))
+        _note(folder, Status("failed", error=reason(error)))
         raise
+
+
+def _note(folder: Path, status: Status) -> None:
+    with suppress(FileError):  # the error that ended the run is the one to tell
+        write_status(folder, status)
 
 
 def reason(error: Exception) -> str:

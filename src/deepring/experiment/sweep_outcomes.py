@@ -7,7 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,10 +37,13 @@ class OutcomesFolder(Callback):
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
         """Runs in the process that starts the jobs; they inherit its environment.
 
-        Hydra turns an error here into a warning; the first job meets and reports it then.
+        A folder that cannot be made is told by the first job, since Hydra would turn an error here
+        into a warning.
         """
-        if OUTCOMES not in os.environ:  # else it is started again, after a process was killed
-            sweep = Path(config.hydra.sweep.dir).resolve()
+        if OUTCOMES in os.environ:  # it is started again, after a process was killed
+            return
+        sweep = Path(config.hydra.sweep.dir).resolve()
+        with suppress(OSError):
             sweep.mkdir(parents=True, exist_ok=True)
             os.environ[OUTCOMES] = tempfile.mkdtemp(prefix=".outcomes-", dir=sweep)
 
@@ -105,7 +108,7 @@ def note_outcome(is_mistake: Callable[[Exception], bool]) -> Iterator[None]:
     hydra = HydraConfig.get()
     folder = Path(hydra.runtime.output_dir)
     path = Path(os.environ.get(OUTCOMES, folder.parent)) / f"{hydra.job.num:04d}.json"
-    attempts = json.loads(path.read_text())["attempts"] if path.is_file() else 0
+    attempts = json.loads(path.read_text(encoding="utf-8"))["attempts"] if path.is_file() else 0
     note = {"folder": str(folder), "error": KILLED, "attempts": attempts + 1}
     try:
         if attempts >= ATTEMPTS:
@@ -126,14 +129,14 @@ def note_outcome(is_mistake: Callable[[Exception], bool]) -> Iterator[None]:
 
 def _write(path: Path, note: dict[str, Any]) -> None:
     with replacing(path) as temporary:
-        temporary.write_text(json.dumps(note))
+        temporary.write_text(json.dumps(note), encoding="utf-8")
 
 
 def _notes() -> list[dict[str, Any]]:
     """The notes of this sweep's jobs, in their order."""
     folder = os.environ.get(OUTCOMES)
     paths = [] if folder is None else sorted(Path(folder).glob("*.json"))
-    return [json.loads(path.read_text()) for path in paths]
+    return [json.loads(path.read_text(encoding="utf-8")) for path in paths]
 
 
 def in_parallel() -> bool:

@@ -2,7 +2,8 @@
 
 import logging
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from deepring.experiment.run_folder import (
     link_latest,
     open_run_folder,
 )
-from deepring.experiment.status import Status, write_status
+from deepring.experiment.status import Status, note_failure, write_status
 from deepring.methods.network import NetworkMethod
 from deepring.methods.network_file import load_network
 from deepring.paper.flat import flatten
@@ -71,38 +72,46 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
     module = build.module(cfg, trains, method)
     if cfg.resume is not None:
         _check_resume(cfg.resume, module)
-    if is_first_process():
-        open_run_folder(record_of(cfg), folder)
-        write_status(folder, Status("running"))
     timer = Timer()
     further = [timer, LinkLatest(folder)] if latest else [timer]
-    trainer = build.trainer(cfg, folder, validated=bool(module.validation), further=further)
-
-    log.info(
-        "training %d parameters of %s on %s",
-        sum(p.numel() for p in method.parameters()),
-        method.settings.label,
-        " + ".join(dataset.name for dataset in trains),
-    )
-    _fit(trainer, module, datamodule, cfg.resume, folder)
-    checkpoint, score = _best_checkpoint(trainer, folder)
-    results = []
-    if cfg.evaluate and trainer.is_global_zero:
-        results = evaluate(plan_evaluation(cfg, checkpoint, datasets), folder)
-    if trainer.is_global_zero:
-        seconds = timer.time_elapsed("train")
-        write_status(folder, Status("finished", score=score, seconds=seconds))
+    trainer = build.trainer(cfg, folder, validation=module.validation, further=further)
+    with _run_of(cfg, folder):
+        log.info(
+            "training %d parameters of %s on %s",
+            sum(p.numel() for p in method.parameters()),
+            method.settings.label,
+            " + ".join(dataset.name for dataset in trains),
+        )
+        _fit(trainer, module, datamodule, cfg.resume, folder)
+        checkpoint, score = _best_checkpoint(trainer, folder)
+        results = []
+        if cfg.evaluate and trainer.is_global_zero:
+            results = evaluate(plan_evaluation(cfg, checkpoint, datasets), folder)
+        if trainer.is_global_zero:
+            seconds = timer.time_elapsed("train")
+            write_status(folder, Status("finished", score=score, seconds=seconds))
     return TrainingOutcome(folder, checkpoint, results, score)
+
+
+@contextmanager
+def _run_of(cfg: Config, folder: Path) -> Iterator[None]:
+    """Open the run's folder, and note there how the block ends; in the first process only."""
+    if not is_first_process():
+        yield
+        return
+    open_run_folder(record_of(cfg), folder)
+    write_status(folder, Status("running"))
+    with note_failure(folder):
+        yield
 
 
 def _evaluate_alone(cfg: Config, folder: Path, *, latest: bool) -> TrainingOutcome:
     """Evaluate a method that learns nothing, in a run folder like any other."""
     plan = plan_evaluation(cfg)
     log.info("%s learns nothing: it is evaluated", next(iter(plan.fixed)))
-    open_run_folder(plan.record, folder)
-    write_status(folder, Status("running"))
-    results = evaluate(plan, folder)
-    write_status(folder, Status("finished"))
+    with _run_of(cfg, folder):
+        results = evaluate(plan, folder)
+        write_status(folder, Status("finished"))
     if latest:
         link_latest(folder)
     return TrainingOutcome(folder, None, results, None)

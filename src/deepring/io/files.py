@@ -1,10 +1,31 @@
 """Writes files atomically: completely or not at all."""
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+import errno
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from deepring.errors import FileError
+
+#: The reasons of the operating system that a user can do something about.
+_REASONS = {
+    errno.ENOENT: "no such file or folder",
+    errno.EACCES: "no permission to read or write it",
+    errno.EPERM: "no permission to read or write it",
+    errno.EROFS: "it lies on a read-only disk",
+    errno.EISDIR: "it is a folder, expected a file",
+    errno.ENOTDIR: "it lies below a file, expected folders above it",
+    errno.EEXIST: "it exists, expected a new file",
+    errno.ENOSPC: "no space is left on the disk",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EFBIG: "it is larger than the disk or a limit allows",
+    errno.ENAMETOOLONG: "the name is too long",
+}
+
+
+def reason_of(error: OSError) -> str:
+    """Why the operating system refused, in words; never empty."""
+    return _REASONS.get(error.errno or 0) or error.strerror or type(error).__name__
 
 
 def part_of(path: Path) -> Path:
@@ -28,7 +49,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
         temporary.replace(path)
     except OSError as error:
         raise FileError(
-            f"{path}: cannot be written ({error.strerror}); expected a writable path"
+            f"{path}: cannot be written ({reason_of(error)}); expected a writable path"
         ) from error
     finally:
         with suppress(OSError):
@@ -39,3 +60,19 @@ def write_whole(path: Path, chunks: Iterable[bytes]) -> None:
     """Write ``chunks`` to ``path`` as `replacing` does."""
     with replacing(path) as temporary, temporary.open("wb") as file:
         file.writelines(chunks)
+
+
+def write_together(texts: Mapping[Path, str]) -> None:
+    """Write several text files. If a kill leaves only some of them, `cut_short` sees it.
+
+    All are complete beside their places before the first takes its place. Raises FileError if one
+    cannot be written.
+    """
+    with ExitStack() as stack:
+        for path, text in texts.items():
+            stack.enter_context(replacing(path)).write_text(text, encoding="utf-8")
+
+
+def cut_short(paths: Iterable[Path]) -> bool:
+    """Whether a killed `write_together` of these files left only some of them."""
+    return any(part_of(path).exists() for path in paths)

@@ -12,7 +12,8 @@ from deepring import checks
 from deepring.core.rigid import wrap_angle, yaw_of
 from deepring.data.session import Points
 from deepring.errors import DataError
-from deepring.localization.location import AcceptanceThresholds
+from deepring.localization.given import given_poses
+from deepring.localization.location import FEW_CELLS, AcceptanceThresholds, Location
 from deepring.localization.map import Map
 
 Floats = NDArray[np.float64]
@@ -46,6 +47,8 @@ class LocalizationTrials(NamedTuple):
     """(n,) from the located heading to the true one."""
     nearest: Floats
     """(n,) metres from the true position to the nearest map place."""
+    cells: Floats
+    """(n,) occupied cells, as in `Location`."""
 
     def correct(self, tolerance: Tolerance) -> NDArray[np.bool_]:
         """Mask (n,) of the correct locations."""
@@ -53,7 +56,7 @@ class LocalizationTrials(NamedTuple):
 
     def trusted(self, thresholds: AcceptanceThresholds) -> NDArray[np.bool_]:
         """Mask (n,) of the locations that reach the thresholds."""
-        return np.asarray(thresholds.accept(self.fit, self.ratio))
+        return np.asarray(thresholds.accept(self.fit, self.ratio, self.cells))
 
 
 class Calibration(NamedTuple):
@@ -77,11 +80,22 @@ def run_trials(
         place_map: the map.
         scans: points (n, 3), and the pose (4, 4) of each scan in the map's world.
         ground_z: z of the ground in the scans' frame, metres; None for the map's.
+
+    Raises DataError as `Map.localize` and `trials_of` do.
+    """
+    located = ((place_map.localize(points, ground_z=ground_z), pose) for points, pose in scans)
+    return trials_of(place_map, located)
+
+
+def trials_of(place_map: Map, located: Iterable[tuple[Location, Floats]]) -> LocalizationTrials:
+    """Locations in a map, each beside the pose (4, 4) of its scan in the map's world.
+
+    Raises DataError for poses that are not rigid.
     """
     rows = []
     places = place_map.places.positions
-    for points, pose in scans:
-        location = place_map.localize(points, ground_z=ground_z)
+    for location, given in located:
+        (pose,) = given_poses([given], 1)
         rows.append(
             (
                 location.fit,
@@ -89,13 +103,16 @@ def run_trials(
                 np.hypot(location.x - pose[0, 3], location.y - pose[1, 3]),
                 abs(np.degrees(wrap_angle(location.yaw - float(yaw_of(pose))))),
                 np.linalg.norm(places - pose[:2, 3], axis=1).min(),
+                location.cells,
             )
         )
-    return LocalizationTrials(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
+    return LocalizationTrials(*np.array(rows, dtype=np.float64).reshape(-1, 6).T)
 
 
 def concatenate(trials: Sequence[LocalizationTrials]) -> LocalizationTrials:
-    """Several trials as one."""
+    """Several trials as one. Raises DataError without any."""
+    if not trials:
+        raise DataError("trials: none, expected at least one")
     return LocalizationTrials(*(np.concatenate(parts) for parts in zip(*trials, strict=True)))
 
 
@@ -105,19 +122,29 @@ def calibrate(
     """The thresholds that trust the most correct locations at the required precision.
 
     One more trusted location is counted as wrong, so that a precision of 0.99 needs at least 99
-    correct ones. Raises ConfigError for a precision that is no share between 0 and 1, and
-    DataError where no thresholds reach it.
+    correct ones. Locations without a rival are trusted as `AcceptanceThresholds` says. Raises
+    ConfigError for a precision that is no share between 0 and 1, and DataError where no thresholds
+    reach it, and where no location has a rival.
     """
     checks.fraction("precision", precision)
     tolerance = tolerance or Tolerance()
     correct = trials.correct(tolerance)
+    compared = np.isfinite(trials.ratio) & (trials.cells >= FEW_CELLS)
+    if len(compared) and not compared.any():
+        raise DataError(
+            f"precision: {precision:g} cannot be calibrated: none of {len(compared)} scans has a "
+            "second place in the map to compare the first with; take a larger map"
+        )
     most, thresholds = 0, None
     for fit in FITS:
-        # The locations that fit, by falling ratio, and how many of the first are correct.
-        order = np.flatnonzero(trials.fit >= fit)
+        # Those without a rival are trusted by their fit, whatever the ratio.
+        alone = trials.trusted(AcceptanceThresholds(float(fit))) & np.isposinf(trials.ratio)
+        # The others that fit, by falling ratio, and how many of the first are correct.
+        order = np.flatnonzero(compared & (trials.fit >= fit))
         order = order[np.argsort(-trials.ratio[order], kind="stable")]
-        good = np.cumsum(correct[order])
-        enough = good >= precision * (np.arange(1, len(order) + 1) + 1)
+        good = np.cumsum(correct[order]) + int((correct & alone).sum())
+        trusted = np.arange(1, len(order) + 1) + int(alone.sum())
+        enough = good >= precision * (trusted + 1)
         # A ratio that several share cannot be cut between them.
         last = np.append(np.diff(trials.ratio[order]) != 0, True)[: len(order)]
         cuts = np.flatnonzero(enough & last)

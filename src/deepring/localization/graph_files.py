@@ -7,6 +7,7 @@ from dataclasses import asdict
 import numpy as np
 
 from deepring.core.rigid import yaw_of
+from deepring.data.poses.stamps import NANOSECONDS, seconds_text
 from deepring.localization.loops import LoopGraph
 
 #: Standard deviations of the edges, metres and degrees.
@@ -33,23 +34,28 @@ def g2o_lines(graph: LoopGraph) -> Iterator[str]:
 def tum_lines(graph: LoopGraph) -> Iterator[str]:
     """The keyframes' poses in TUM's format: seconds x y z qx qy qz qw.
 
-    Without stamps, the seconds are the number of the keyframe.
+    Stamps are exact to the nanosecond. Without, the seconds are the number of the keyframe.
     """
     from scipy.spatial.transform import Rotation
 
-    seconds = np.arange(len(graph.poses)) if graph.stamps is None else graph.stamps / 1e9
+    n = len(graph.poses)
+    stamps = np.arange(n) * NANOSECONDS if graph.stamps is None else graph.stamps
     turns = Rotation.from_matrix(graph.poses[:, :3, :3]).as_quat()
-    for at, pose, turn in zip(seconds, graph.poses, turns, strict=True):
+    for stamp, pose, turn in zip(stamps, graph.poses, turns, strict=True):
         numbers = " ".join(f"{value:.9f}" for value in (*pose[:3, 3], *turn))
-        yield f"{at:.9f} {numbers}"
+        yield f"{seconds_text(stamp)} {numbers}"
 
 
 def json_text(graph: LoopGraph) -> str:
-    """Keyframes as numbers of their scans, and the loops; a ratio without a rival is null."""
+    """Keyframes as numbers of their scans, their stamps in nanoseconds or null, and the loops.
+
+    A ratio without a rival is null.
+    """
     loops = [asdict(loop) for loop in graph.loops]
     for loop in loops:
         loop["ratio"] = loop["ratio"] if np.isfinite(loop["ratio"]) else None
-    return json.dumps({"scans": graph.scans.tolist(), "loops": loops}, indent=1)
+    stamps = None if graph.stamps is None else graph.stamps.tolist()
+    return json.dumps({"scans": graph.scans.tolist(), "stamps": stamps, "loops": loops}, indent=1)
 
 
 def _edge(

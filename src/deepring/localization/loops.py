@@ -7,11 +7,13 @@ from numpy.typing import NDArray
 
 from deepring import checks
 from deepring.core.rigid import wrap_angle, yaw_after_turn, yaw_of
-from deepring.data.session import Session
-from deepring.data.spacing import path_lengths, sample_by_distance
+from deepring.data.left_out import LeftOut, usable_scans
+from deepring.data.session import Points, Session
+from deepring.data.spacing import path_lengths
 from deepring.errors import DataError
 from deepring.localization.location import AcceptanceThresholds, Location
 from deepring.localization.map import Map
+from deepring.localization.observation import Observation, described, occupancy
 from deepring.localization.refinement import RefinementSettings, refine, small_gicp
 from deepring.progress import Progress
 
@@ -35,6 +37,8 @@ class LoopSettings:
     def __post_init__(self) -> None:
         checks.at_least("loops.spacing", self.spacing, 0, "metres")
         checks.positive("loops.recent", self.recent, "metres")
+        if self.refinement is not None:
+            checks.of_type("loops.refinement", self.refinement, RefinementSettings)
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,11 @@ class LoopGraph:
 
 
 def find_loops(
-    session: Session, place_map: Map, settings: LoopSettings, progress: Progress | None = None
+    session: Session,
+    place_map: Map,
+    settings: LoopSettings | None = None,
+    progress: Progress | None = None,
+    left_out: LeftOut | None = None,
 ) -> LoopGraph:
     """Go through a drive once, and look each keyframe up among the past ones.
 
@@ -78,38 +86,57 @@ def find_loops(
         session: the drive. Its poses may drift: they give the path driven, and which candidates
             contradict each other.
         place_map: a map without places, whose network, thresholds and ground are used; it is
-            filled. See `LOOP_THRESHOLDS`: a map's usual thresholds are for places further apart.
+            filled, unless there is an error. See `LOOP_THRESHOLDS`: a map's usual thresholds are
+            for places further apart.
         settings: distances, and refinement.
         progress: called with keyframes done and their total.
+        left_out: receives the scans that cannot be used, which are otherwise logged.
 
-    Raises DataError for a map with places, and ConfigError for refinement without its library.
+    Raises DataError for a map with places and where too many scans cannot be used (see
+    `deepring.data.left_out`), and ConfigError for refinement without its library.
     """
+    settings = LoopSettings() if settings is None else settings
+    checks.of_type("session", session, Session)
+    checks.of_type("place_map", place_map, Map)
+    checks.of_type("settings", settings, LoopSettings)
     if settings.refinement is not None:
         small_gicp()  # now rather than at the first loop
     if len(place_map):
         raise DataError(f"map: holds {len(place_map)} places, expected none; give a new one")
-    everywhere = np.ones(len(session.files), dtype=np.bool_)
-    scans = sample_by_distance(session.positions, settings.spacing, everywhere)
-    path = path_lengths(session.positions)[scans]
+    with place_map.all_or_nothing():
+        return _look_back(session, place_map, settings, progress, left_out)
+
+
+def _look_back(
+    session: Session,
+    place_map: Map,
+    settings: LoopSettings,
+    progress: Progress | None,
+    left_out: LeftOut | None,
+) -> LoopGraph:
+    def see(scan: int) -> tuple[Points, Observation]:
+        points = session.points(scan)
+        image = occupancy(str(session.files[scan]), points, place_map.ground_z, place_map.raster)
+        return points, described(place_map.network, image[None])
+
+    path = path_lengths(session.positions)
+    keyframes: list[int] = []
     loops: list[Loop] = []
-    for k, scan in enumerate(scans):
-        points = session.points(int(scan))
-        observation = place_map.observe([points])
-        past = int(np.searchsorted(path, path[k] - settings.recent))
+    for scan, (points, seen) in usable_scans(session, settings.spacing, see, left_out, progress):
+        past = int(np.searchsorted(path[keyframes], path[scan] - settings.recent))
         if past:
-            location = place_map.localize_observation(observation, before=past)
+            location = place_map.localize_observation(seen, before=past)
             if location.trusted:
-                earlier = int(scans[location.place])
-                loop = _loop(k, location, session.poses[earlier])
+                earlier = keyframes[location.place]
+                loop = _loop(len(keyframes), location, session.poses[earlier])
                 if settings.refinement is not None:
                     loop = _refine(loop, points, session.points(earlier), settings.refinement)
                 loops.append(loop)
+        keyframes.append(scan)
         names = [session.files[scan].name]
-        place_map.add_observation(observation, session.poses[scan : scan + 1], names)
-        if progress is not None:
-            progress(k + 1, len(scans))
-    stamps = None if session.stamps is None else session.stamps[scans]
-    return LoopGraph(scans, session.poses[scans], stamps, loops)
+        place_map.add_observation(seen, session.poses[scan : scan + 1], names)
+    stamps = None if session.stamps is None else session.stamps[keyframes]
+    return LoopGraph(np.array(keyframes), session.poses[keyframes], stamps, loops)
 
 
 def _loop(keyframe: int, location: Location, pose: NDArray[np.float64]) -> Loop:

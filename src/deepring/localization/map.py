@@ -1,25 +1,27 @@
 """A map of places, in which scans are located."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from deepring import checks
 from deepring.core.rigid import yaw_after_turn
+from deepring.data.left_out import LeftOut, usable_scans
 from deepring.data.session import Session
-from deepring.data.spacing import sample_by_distance
 from deepring.errors import ConfigError, DataError
 from deepring.io.sealed import open_sealed, write_sealed
 from deepring.localization.candidates import RerankSettings, align_candidates, spread_out
+from deepring.localization.given import given_list, given_names, given_path, given_poses
 from deepring.localization.location import AcceptanceThresholds, Location, best_fit
 from deepring.localization.map_file import FORMAT, MapHeader, expect_fitting, prefixed, under
+from deepring.localization.observation import Observation, described, observed, occupancy
 from deepring.localization.place_store import PlaceStore
-from deepring.localization.scan_points import expect_scan
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import describe_network, make_network, weights_of
 from deepring.progress import Progress
@@ -34,15 +36,6 @@ SURPLUS = 8
 BATCH = 64
 
 
-class Observation(NamedTuple):
-    """Images and descriptors of k scans."""
-
-    images: NDArray[np.bool_]
-    """(k, n, n) occupancy from above."""
-    descriptors: Tensor
-    """(k, θ, ω) float32, on the CPU."""
-
-
 class Map:
     """Places with their descriptors, images and poses, and the network that describes them.
 
@@ -55,7 +48,8 @@ class Map:
         rerank: how candidates are selected and aligned.
         thresholds: when a location is trusted.
 
-    Raises ConfigError for another network, and for a ``ground_z`` that is not a finite number.
+    Raises ConfigError for another network, for a ``ground_z`` that is not a finite number, and for
+    settings of other types.
     """
 
     def __init__(
@@ -66,6 +60,14 @@ class Map:
         rerank: RerankSettings | None = None,
         thresholds: AcceptanceThresholds | None = None,
     ) -> None:
+        checks.of_type("network", network, DeepRing)
+        for name, value, kind in (
+            ("search", search, SearchSettings),
+            ("rerank", rerank, RerankSettings),
+            ("thresholds", thresholds, AcceptanceThresholds),
+        ):
+            if value is not None:
+                checks.of_type(name, value, kind)
         index = network.index(search or SearchSettings("int8"))
         raster = network.raster
         if not isinstance(index, CorrelationIndex) or not isinstance(raster, BevRaster):
@@ -90,79 +92,115 @@ class Map:
         spacing: float = 10.0,
         ground_z: float = 0.0,
         progress: Progress | None = None,
+        left_out: LeftOut | None = None,
         **settings: Any,
     ) -> "Map":
-        """A map of a session, one place per ``spacing`` metres; ``settings`` are those of `Map`."""
+        """A map of a session, one place per ``spacing`` metres.
+
+        Args:
+            session: the scans and their poses.
+            network: see `Map`.
+            spacing: metres between places; 0 takes each scan.
+            ground_z: see `Map`.
+            progress: called with the numbers of places done and wanted.
+            left_out: receives the scans that cannot be used, which are otherwise logged.
+            settings: the others of `Map`.
+
+        Raises ConfigError for a negative spacing, and DataError where too many scans cannot be
+        used; see `deepring.data.left_out`.
+        """
+        checks.of_type("session", session, Session)
         place_map = cls(network, ground_z, **settings)
-        everywhere = np.ones(len(session.files), dtype=np.bool_)
-        selection = sample_by_distance(session.positions, spacing, everywhere)
-        for start in range(0, len(selection), BATCH):
-            batch = selection[start : start + BATCH]
-            scans = [session.points(int(k)) for k in batch]
-            place_map.add(scans, session.poses[batch], [session.files[k].name for k in batch])
-            if progress is not None:
-                progress(start + len(batch), len(selection))
+
+        def image(k: int) -> NDArray[np.bool_]:
+            name = str(session.files[k])
+            return occupancy(name, session.points(k), place_map.ground_z, place_map.raster)
+
+        places = usable_scans(session, spacing, image, left_out, progress)
+        while batch := list(islice(places, BATCH)):
+            scans = [k for k, _ in batch]
+            seen = described(place_map.network, np.stack([image for _, image in batch]))
+            names = [session.files[k].name for k in scans]
+            place_map.add_observation(seen, session.poses[scans], names)
         return place_map
 
-    def add(
-        self, scans: Sequence[NDArray[np.float32]], poses: NDArray[np.float64], names: Sequence[str]
-    ) -> None:
+    def add(self, scans: Iterable[Any], poses: Any, names: Iterable[str]) -> None:
         """Add k places: scans (n, 3), each in its own frame, and poses (k, 4, 4), world <- scan.
 
-        Raises DataError as `observe` does, and unless there is one pose and one name per scan.
+        Arrays, tensors and lists of numbers are taken. Raises DataError as `observe` does, and
+        unless there is one rigid pose and one name per scan; the map then stays as it was.
         """
+        scans = given_list("scans", scans, "scans (n, 3)")
+        poses, names = given_poses(poses, len(scans)), given_names(names, len(scans))
         self.add_observation(self.observe(scans), poses, names)
 
     def localize(
-        self,
-        points: NDArray[np.float32],
-        before: int | None = None,
-        ground_z: float | None = None,
+        self, points: Any, before: int | None = None, ground_z: float | None = None
     ) -> Location:
-        """Locate a scan (n, 3), metres in its own frame.
+        """Locate a scan (n, 3), metres in its own frame: an array, a tensor or lists of numbers.
 
         ``before`` leaves out that place and all added after it. ``ground_z`` is z of the ground
         in the scan's frame, for a sensor at another height than the map's. Raises DataError
         if no place is left, and as `observe` does.
         """
+        self._expect_places(before)
         return self.localize_observation(self.observe([points], ground_z), before)
 
-    def observe(
-        self, scans: Sequence[NDArray[np.float32]], ground_z: float | None = None
-    ) -> Observation:
+    def observe(self, scans: Iterable[Any], ground_z: float | None = None) -> Observation:
         """Images and descriptors of scans, for `add_observation` and `localize_observation`.
 
-        Raises DataError for a scan without points, and for coordinates that are not finite.
+        Missing returns (NaN, infinite, (0, 0, 0)) are dropped. Raises DataError for what is not
+        like an array (n, 3) of real numbers, and BrokenScanError, also a DataError, for a scan
+        without points and one of which less than `LEAST_CELLS` cells stand out of the ground.
         """
-        ground_z = self.ground_z if ground_z is None else ground_z
-        images = np.stack([self.raster(expect_scan("scan", scan), ground_z) for scan in scans])
-        return Observation(images, self.network.describe(torch.from_numpy(images)).cpu())
+        if ground_z is None:
+            ground_z = self.ground_z
+        checks.number("ground_z", ground_z, "metres")
+        scans = given_list("scans", scans, "scans (n, 3)")
+        names = ["scan"] if len(scans) == 1 else [f"scans[{k}]" for k in range(len(scans))]
+        images = np.empty((len(scans), *self.raster.shape), dtype=np.bool_)
+        for k, (name, scan) in enumerate(zip(names, scans, strict=True)):
+            images[k] = occupancy(name, scan, ground_z, self.raster)
+        return described(self.network, images)
 
-    def add_observation(
-        self, scans: Observation, poses: NDArray[np.float64], names: Sequence[str]
-    ) -> None:
+    def add_observation(self, scans: Observation, poses: Any, names: Iterable[str]) -> None:
         """Add k places, as `add` does, from what `observe` gives."""
-        self.places.add(scans.images, poses, names)
-        self.index.add(scans.descriptors)
+        scans = self._observed(scans)
+        count = len(scans.images)
+        poses, names = given_poses(poses, count), given_names(names, count)
+        with self.all_or_nothing():
+            self.places.add(scans.images, poses, names)
+            self.index.add(scans.descriptors)
+
+    @contextmanager
+    def all_or_nothing(self) -> Iterator[None]:
+        """Take back all places that are added inside if it ends in an error or with Ctrl-C."""
+        places, index = self.places.mark(), self.index.mark()
+        try:
+            yield
+        except BaseException:
+            self.places.rewind(places)
+            self.index.rewind(index)
+            raise
 
     def localize_observation(self, scan: Observation, before: int | None = None) -> Location:
         """Locate one scan, as `localize` does, from what `observe` gives."""
-        if not len(self) or (before is not None and before < 1):
-            raise DataError("map: holds no places to compare with; expected at least one; add some")
+        self._expect_places(before)
+        if len(self._observed(scan).images) != 1:
+            raise DataError(f"observation: {len(scan.images)} scans, expected one")
         k = SURPLUS * self.rerank.candidates
         hits = self.index.search(scan.descriptors, k, before=before)
         assert hits.turn is not None
         poses = self.places.planar_poses(hits.place[0])
         rows = spread_out(poses[:, :2], self.rerank)
         places, poses = hits.place[0, rows], poses[rows]
-        alignment = align_candidates(
-            torch.from_numpy(scan.images[0]),
-            hits.turn[0, rows],
-            self.places.images(places),
-            self.rerank,
-        )
-        best = best_fit(alignment, poses, self.rerank)
+        image, images = torch.from_numpy(scan.images[0]), self.places.images(places)
+        alignment = align_candidates(image, hits.turn[0, rows], images, self.rerank)
+        counts = images.sum(dim=(1, 2))
+        best = best_fit(alignment, poses, self.rerank, counts)
         candidate = best.candidate
+        cells = min(int(image.sum()), int(counts[candidate]))
+        doubt = self.thresholds.doubt(best.fit, best.ratio, cells)
         return Location(
             place=int(places[candidate]),
             name=self.places.names[int(places[candidate])],
@@ -172,11 +210,28 @@ class Map:
             similarity=float(hits.score[0, rows[candidate]]),
             fit=best.fit,
             ratio=best.ratio,
-            trusted=bool(self.thresholds.accept(best.fit, best.ratio)),
+            cells=cells,
+            trusted=doubt is None,
+            doubt=doubt,
         )
 
+    def _expect_places(self, before: int | None) -> None:
+        if before is not None:
+            checks.count("before", before, 0)
+        if not len(self) or before == 0:
+            raise DataError("map: holds no places to compare with; expected at least one; add some")
+
+    def _observed(self, scans: Observation) -> Observation:
+        if self.index.shape is not None:
+            return observed(scans, self.raster.shape, self.index.shape)
+        # The network tells what an empty map will hold.
+        blank = np.zeros((1, *self.raster.shape), dtype=np.bool_)
+        shape = described(self.network, blank).descriptors.shape[1:]
+        return observed(scans, self.raster.shape, tuple(shape))
+
     def save(self, path: Path | str) -> None:
-        """Write the map, whole or not at all."""
+        """Write the map, whole or not at all. A map that is there is replaced."""
+        path = given_path(path)
         blocks = self.index.places.blocks()
         rows = {
             name: torch.cat([block[name] for block in blocks], dim=axis_of(name))
@@ -205,7 +260,7 @@ class Map:
         Raises FileError for a file that is missing, not a map, cut short, altered, or of another
         version.
         """
-        file = open_sealed(path, FORMAT, check=check)
+        file = open_sealed(given_path(path), FORMAT, check=check)
         header, tensors = file.header, file.tensors
         with file.contents():
             network = make_network(header.network, under("network.", tensors))

@@ -1,6 +1,7 @@
 """Images, poses and names of the places of a map."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -51,6 +52,16 @@ class PlaceStore:
         packed = [pack(image, self.raster) for image in images]
         rows = torch.from_numpy(np.stack(packed)) if packed else torch.empty(0, self.image_bytes)
         self._append(rows.byte(), torch.from_numpy(np.array(poses, dtype=np.float64)), names)
+
+    def mark(self) -> tuple[Any, ...]:
+        """The present places, to which `rewind` goes back."""
+        return self._rows.mark(), len(self.names)
+
+    def rewind(self, mark: tuple[Any, ...]) -> None:
+        """Drop the places added since `mark`."""
+        rows, count = mark
+        self._rows.rewind(rows)
+        del self.names[count:]
 
     def images(self, places: Tensor) -> Tensor:
         """Images (k, n, n) uint8, 0 or 1, of places (k,)."""

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deepring import checks
 from deepring.core.rigid import FloatArray, pose_from, rotation_from_rpy, yaw_after_turn, yaw_of
-from deepring.errors import ConfigError
-from deepring.localization.scan_points import expect_scan
+from deepring.errors import ConfigError, DataError
+from deepring.localization.scan_points import real_array, scan_points
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ class Refinement(NamedTuple):
 
 
 def refine(
-    query: NDArray[np.float32],
-    reference: NDArray[np.float32],
+    query: Any,
+    reference: Any,
     turn: float,
     position: ArrayLike,
     settings: RefinementSettings | None = None,
@@ -76,13 +76,13 @@ def refine(
 
     Raises:
         ConfigError: small_gicp is not installed.
-        DataError: a scan without points, or with coordinates that are not finite.
+        DataError: a scan without points, or a start that is not finite.
     """
     settings = settings or RefinementSettings()
+    start = start_of(turn, position)
     library = small_gicp()
     target, tree = library.preprocess_points(_scan("reference", reference), settings.voxel)
     source, _ = library.preprocess_points(_scan("query", query), settings.voxel)
-    start = start_of(turn, position)
     transform = start
     for reach in settings.reaches:
         result = library.align(
@@ -108,8 +108,15 @@ def refine(
 
 
 def start_of(turn: float, position: ArrayLike) -> FloatArray:
-    """The transform (4, 4) reference <- query of a planar pose, as in `Alignment`."""
-    x, y = np.asarray(position, dtype=np.float64)
+    """The transform (4, 4) reference <- query of a planar pose, as in `Alignment`.
+
+    Raises ConfigError for a turn, and DataError for a position, that is not finite.
+    """
+    checks.number("turn", turn, "radians")
+    start = real_array("position", position)
+    if start.shape != (2,) or not np.isfinite(start).all():
+        raise DataError(f"position: {start!r}, expected two finite numbers, x and y in metres")
+    x, y = start.astype(np.float64)
     return pose_from(rotation_from_rpy(0.0, 0.0, yaw_after_turn(0.0, turn)), [x, y, 0.0])
 
 
@@ -133,6 +140,6 @@ def _near(transform: FloatArray, start: FloatArray, settings: RefinementSettings
     return shift <= settings.max_shift and abs(turn) <= settings.max_turn
 
 
-def _scan(name: str, points: NDArray[np.float32]) -> FloatArray:
+def _scan(name: str, points: Any) -> FloatArray:
     """The points (n, 3) as the library expects them."""
-    return expect_scan(f"refinement: {name}", points)[:, :3].astype(np.float64)
+    return scan_points(f"refinement: {name}", points).astype(np.float64)

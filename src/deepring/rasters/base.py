@@ -72,6 +72,10 @@ class Raster(ABC):
         """
         return self.rasterize(self.preprocessing(points, ground_z))
 
+    def is_blank(self, image: NDArray[Any]) -> bool:
+        """Whether an array of this raster shows nothing of its scan."""
+        return not image.any()
+
     @property
     def sectors(self) -> int:
         """Number of steps per full turn by which the array can be turned exactly.

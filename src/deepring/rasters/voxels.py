@@ -4,6 +4,7 @@ Source: EgoNN (Komorowski et al., RA-L 2021, Sec. III-A) and its repository jac9
 """
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import torch
@@ -63,6 +64,10 @@ class VoxelRaster(Raster, kind="voxels"):
         rows = np.full(self.shape, PADDING, dtype=np.int16)
         rows[: len(voxels)] = voxels
         return rows
+
+    def is_blank(self, image: NDArray[Any]) -> bool:
+        """Whether no voxel is occupied."""
+        return bool((image == PADDING).all())
 
     @property
     def sectors(self) -> int:

@@ -61,6 +61,15 @@ class BlockStore:
             _rows(self._tail[name], self._tail_rows, count, name).copy_(value)
         self._tail_rows = total
 
+    def mark(self) -> tuple[list[Block], Block, int]:
+        """The present rows, to which `rewind` goes back."""
+        return list(self._closed), self._tail, self._tail_rows
+
+    def rewind(self, mark: tuple[list[Block], Block, int]) -> None:
+        """Drop the rows added since `mark`."""
+        closed, self._tail, self._tail_rows = mark
+        self._closed = list(closed)
+
     def blocks(self) -> list[Block]:
         """All blocks in order, without copies."""
         return [*self._closed, *([self._open()] if self._tail_rows else [])]

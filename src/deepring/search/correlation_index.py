@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import torch
 from jaxtyping import Float, Float32, Int64
@@ -121,6 +122,15 @@ class CorrelationIndex:
                 self.code = fit_code(descriptors, self.settings.code)
             rows["code"] = self.code.encode(descriptors)
         self.places.add(rows)
+
+    def mark(self) -> tuple[Any, ...]:
+        """The present places, to which `rewind` goes back."""
+        return self.places.mark(), self.code, self.shape
+
+    def rewind(self, mark: tuple[Any, ...]) -> None:
+        """Drop the places added since `mark`."""
+        rows, self.code, self.shape = mark
+        self.places.rewind(rows)
 
     def search(
         self,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.data.poses.pose_tables import NANOSECONDS
+from deepring.data.poses.stamps import NANOSECONDS
 from deepring.data.poses.trajectory import Trajectory
 from deepring.data.scans.listing import Listing
 from deepring.data.session import SkippedScans

@@ -1,14 +1,22 @@
 """Text tables of poses: rows of numbers, exact stamps, 3x4 matrices and TUM's quaternions."""
 
+import re
 import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.data.poses.rigid import unit_rows
+from deepring.data.poses.stamps import nanoseconds_of
 from deepring.errors import FileError
+from deepring.io.text import open_text, read_text, text_problem
 
-NANOSECONDS = 1_000_000_000  # in a second
+#: Separators by name; None are blanks.
+_SEPARATORS = {"commas": ",", "semicolons": ";", "blanks": None}
+_DECIMAL_COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+(?:[eE][+-]?[0-9]+)?")
 
 
 def stamped_rows(columns: int) -> np.dtype:
@@ -17,59 +25,104 @@ def stamped_rows(columns: int) -> np.dtype:
     return np.dtype([("stamp", np.int64), ("values", np.float64, (columns,))])
 
 
-def read_table(path: Path, row: np.dtype, delimiter: str | None, description: str) -> NDArray:
+def read_table(
+    path: Path, row: np.dtype, delimiter: str | None, description: str, *, seconds: bool = False
+) -> NDArray:
     """Read a text table without header into (n,) rows of type ``row``.
 
+    With ``seconds``, the first column holds decimal seconds and becomes whole nanoseconds.
     ``description`` describes a row in messages. Raises FileError for a file that cannot be read,
     for an invalid row, with its line, and for a file without rows.
     """
+    converters: Any = {0: nanoseconds_of} if seconds else None
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), open_text(path) as file:
             warnings.simplefilter("error")  # NumPy only warns of an empty file
-            return np.loadtxt(path, dtype=row, delimiter=delimiter, ndmin=1)
+            return np.loadtxt(
+                file, dtype=row, delimiter=delimiter, ndmin=1, converters=converters, encoding=None
+            )
     except (OSError, ValueError, OverflowError, Warning) as error:
         raise FileError(
-            f"{path}: {_problem(path, row, delimiter)}; expected no header, and in each row "
-            f"{description}. Fetch the file again, or repair the row"
+            f"{path}: {_problem(path, row, delimiter, seconds)}; expected no header, and in each "
+            f"row {description}. Fetch the file again, or repair the row"
         ) from error
 
 
-def _problem(path: Path, row: np.dtype, delimiter: str | None) -> str:
+def _problem(path: Path, row: np.dtype, delimiter: str | None, seconds: bool) -> str:
     """The reason why a file is not a table of such rows, e.g. its first invalid row."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        return f"cannot be read ({error.strerror})"
-    except UnicodeDecodeError:
-        return "is not text"
-    kinds = _kinds(row)
+    problem = text_problem(path)
+    if problem is not None:
+        return problem
+    parsers = _parsers(row, seconds)
     rows = 0
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(read_text(path, "text").splitlines(), start=1):
         text = line.partition("#")[0].strip()
         if text:
             rows += 1
-            if not _fits(text.split(delimiter), kinds):
-                return f"line {number} reads {text[:80]!r}"
+            problem = _row_problem(text, parsers, delimiter, first=rows == 1)
+            if problem is not None:
+                return f"line {number} reads {text[:80]!r}, {problem}"
     return "contains an invalid row" if rows else "contains no row"
 
 
-def _kinds(row: np.dtype) -> list[type]:
-    """The types, int or float, of the numbers of a row."""
-    kinds: list[type] = []
+def _parsers(row: np.dtype, seconds: bool) -> list[Callable[[str], float]]:
+    """What reads each of the numbers of a row, and raises ValueError with the reason."""
+    parsers: list[Callable[[str], float]] = []
     for name in row.names or ():
         column = row[name]
-        kinds += [int if column.base.kind in "iu" else float] * int(
-            np.prod(column.shape, initial=1)
-        )
-    return kinds
+        kind = _whole if column.base.kind in "iu" else _real
+        parsers += [kind] * int(np.prod(column.shape, initial=1))
+    if seconds:
+        parsers[0] = nanoseconds_of
+    return parsers
 
 
-def _fits(values: list[str], kinds: list[type]) -> bool:
+def _whole(text: str) -> int:
     try:
-        numbers = [kind(value) for kind, value in zip(kinds, values, strict=True)]
+        value = int(text)
+    except ValueError:
+        raise ValueError(f"{text[:40]!r} is no whole number") from None
+    if abs(value) >= 2**63:
+        raise ValueError(f"{text[:40]} is out of range")
+    return value
+
+
+def _real(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        if _DECIMAL_COMMA.fullmatch(text):
+            raise ValueError(f"{text[:40]!r} has a decimal comma: write a point") from None
+        raise ValueError(f"{text[:40]!r} is no number") from None
+
+
+def _row_problem(
+    text: str, parsers: list[Callable[[str], float]], delimiter: str | None, *, first: bool
+) -> str | None:
+    """Why a row cannot be read, or None."""
+    values = text.split(delimiter)
+    if first and not any(_is_number(value) for value in re.split(r"[\s,;]+", text)):
+        return "a header"
+    if len(values) != len(parsers):
+        for name, separator in _SEPARATORS.items():
+            if separator != delimiter and len(text.split(separator)) == len(parsers):
+                expected = next(k for k, value in _SEPARATORS.items() if value == delimiter)
+                return f"separated by {name} instead of {expected}"
+        return f"{len(values)} values instead of {len(parsers)}"
+    for value, parse in zip(values, parsers, strict=True):
+        try:
+            parse(value)
+        except ValueError as error:
+            return str(error)
+    return None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
     except ValueError:
         return False
-    return all(abs(number) < 2**63 for number in numbers if isinstance(number, int))
+    return True
 
 
 def poses_from_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -83,27 +136,21 @@ def poses_from_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 def poses_from_quaternions(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """Poses (n, 4, 4) from TUM rows (n, 7): x, y, z and a quaternion qx, qy, qz, qw.
 
-    Rows become NaN if the length of the quaternion differs from 1 by more than 1 %.
+    A quaternion that is not of length 1 to within rounding, see `unit_rows`, gives a rotation
+    scaled by its length, which `rigid_rows` does not accept.
     """
     from scipy.spatial.transform import Rotation
 
-    poses = np.full((len(rows), 4, 4), np.nan)
-    unit = np.abs(np.linalg.norm(rows[:, 3:], axis=1) - 1) < 0.01  # False for NaN
-    if unit.any():
-        poses[unit, :3, :3] = Rotation.from_quat(rows[unit, 3:]).as_matrix()
-        poses[unit, :3, 3] = rows[unit, :3]
-        poses[unit, 3] = [0, 0, 0, 1]
+    quaternions = rows[:, 3:]
+    unit = unit_rows(quaternions)
+    with np.errstate(over="ignore", invalid="ignore"):
+        lengths = np.where(unit, 1.0, np.linalg.norm(quaternions, axis=1))
+    turned = np.isfinite(lengths) & (lengths > 0)
+    poses = np.zeros((len(rows), 4, 4))
+    if turned.any():
+        rotations = Rotation.from_quat(quaternions[turned]).as_matrix()
+        poses[turned, :3, :3] = rotations * lengths[turned, None, None]
+    poses[~np.isfinite(lengths), :3, :3] = np.nan
+    poses[:, :3, 3] = rows[:, :3]
+    poses[:, 3, 3] = 1.0
     return poses
-
-
-def rigid_rows(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask (n,) of the poses (n, 4, 4) that are finite and rigid to within 1 %."""
-    finite = np.isfinite(poses).all(axis=(1, 2))
-    # Clipping prevents overflow in the product; entries of rotations are at most 1.
-    rotations = np.clip(np.nan_to_num(poses[:, :3, :3]), -2.0, 2.0)
-    product = np.einsum("nij,nkj->nik", rotations, rotations)
-    orthonormal = np.abs(product - np.eye(3)).max(axis=(1, 2), initial=0.0) < 0.01
-    # A reflection is orthonormal too: the third row must be the cross product of the others.
-    third = np.cross(rotations[:, 0], rotations[:, 1])
-    proper = np.einsum("ni,ni->n", third, rotations[:, 2]) > 0
-    return np.asarray(finite & orthonormal & proper, dtype=np.bool_)

@@ -5,8 +5,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deepring.data.poses.pose_tables import NANOSECONDS, rigid_rows
+from deepring.data.poses.rigid import rigid_rows, rotation_problem
+from deepring.data.poses.stamps import NANOSECONDS
 from deepring.errors import ConfigError, DataError
+
+#: Share of the rows of a pose file. A few bad rows of many are left out and counted.
+LEAST_USABLE = 0.5
 
 
 class Trajectory:
@@ -15,7 +19,8 @@ class Trajectory:
     ``stamps`` are (n,) int64 nanoseconds, ``poses`` (n, 4, 4) float64 rigid transforms,
     ``source`` is their origin in error messages. Rows with NaN or infinity, without a rotation, or
     with a negative stamp are dropped; rows out of order are sorted; of rows with equal stamps the
-    first is kept. ``bad_poses`` counts all of these. Raises DataError if no row is usable.
+    first is kept. ``bad_poses`` counts all of these. Raises DataError if less than half of the rows
+    are usable.
     """
 
     def __init__(self, stamps: ArrayLike, poses: ArrayLike, source: Path | str = "trajectory"):
@@ -26,11 +31,7 @@ class Trajectory:
                 f"{source}: stamps {times.shape} and poses {rows.shape}; expected (n,), (n, 4, 4)"
             )
         usable = rigid_rows(rows) & (times >= 0)
-        if not usable.any():
-            raise DataError(
-                f"{source}: none of its {len(times)} pose rows is usable; expected finite "
-                "numbers and rotation matrices. Fetch the file again"
-            )
+        check_usable(rows, usable, source)
         times = times[usable]
         order = np.argsort(times, kind="stable")
         late = times < np.maximum.accumulate(times)
@@ -68,6 +69,19 @@ class Trajectory:
             share = since[valid] / np.maximum((since + until)[valid], 1)
             poses[valid] = _between(self.poses[before[valid]], self.poses[after[valid]], share)
         return poses, valid
+
+
+def check_usable(poses: NDArray[np.float64], usable: NDArray[np.bool_], source: Path | str) -> None:
+    """Raise DataError if no pose (n, 4, 4) is usable (n,), or fewer than `LEAST_USABLE` of them."""
+    bad = np.flatnonzero(~usable)
+    if not usable.any() or len(bad) > (1 - LEAST_USABLE) * len(usable):
+        reason = f" ({rotation_problem(poses[bad[0]])})" if len(bad) else ""
+        which = f"{len(bad)} of its {len(usable)}" if usable.any() else f"none of its {len(usable)}"
+        verb = "pose rows are not usable" if usable.any() else "pose rows is usable"
+        raise DataError(
+            f"{source}: {which} {verb}{reason}; expected finite numbers and rotations. Fetch the "
+            "file again"
+        )
 
 
 def _between(

@@ -18,6 +18,7 @@ from typing import Any
 
 from deepring.checks import one_of
 from deepring.data.readers.reader import BinaryScans, LayoutError, Reader, existing_root
+from deepring.data.scans.names import ending_of
 from deepring.data.session import Session
 from deepring.errors import ConfigError, DataError
 
@@ -177,7 +178,7 @@ def _name_layouts(reader: Reader) -> Iterator[None]:
 def _format_of_file(root: Path) -> str | None:
     if root.is_dir():
         return None
-    return next((r.name for r in _readers() if root.suffix in r.file_endings), None)
+    return next((r.name for r in _readers() if ending_of(root) in r.file_endings), None)
 
 
 def _guesses(root: Path) -> list[str]:

@@ -20,7 +20,8 @@ from deepring.data.readers.reader import (
     first_folder,
 )
 from deepring.data.scans.listing import list_scans
-from deepring.data.scans.records import file_problem, read_records, valid_points
+from deepring.data.scans.names import visible_folders
+from deepring.data.scans.records import file_problem, read_records
 from deepring.data.session import Points, Session
 
 #: Scans of the Aeva up to this stamp (ns) have no intensity, the last field of a record.
@@ -28,13 +29,13 @@ AEVA_WITHOUT_INTENSITY = 1691936557946849179
 
 
 def read_helipr_scan(path: Path | str, sensor: str) -> Points:
-    """Read one ``LiDAR/<sensor>/<ns>.bin``: (m, 3) float32 metres in the sensor's frame.
+    """Read one ``LiDAR/<sensor>/<ns>.bin``: (n, 3) float32 metres in the sensor's frame.
 
-    Drops missing returns, stored as (0, 0, 0), and points with NaN or infinity. The Aeva has two
-    record types; the file's stamp determines which one, or its size if its name is not a stamp.
-    Raises BrokenScanError.
+    Missing returns, stored as (0, 0, 0), are included. The Aeva has two record types; the file's
+    stamp determines which one, or its size if its name is not a stamp. Raises BrokenScanError.
     """
-    return valid_points(read_records(path, _record_of(Path(path), sensor))["xyz"], path)
+    points: Points = read_records(path, _record_of(Path(path), sensor))["xyz"]
+    return points
 
 
 def _record_of(path: Path, sensor: str) -> np.dtype:
@@ -114,7 +115,7 @@ def read_poses(path: Path) -> Trajectory:
 def list_helipr(root: Path | str) -> list[str]:
     """Sorted names of the sessions in ``root``, a folder of sequences or one sequence."""
     base = existing_root(root)
-    folders = [base] if (base / "LiDAR").is_dir() else list(base.iterdir())
+    folders = [base] if (base / "LiDAR").is_dir() else visible_folders(base)
     return sorted(
         f"{folder.name}_{sensor}"
         for folder in folders

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.data.poses.pose_tables import NANOSECONDS, poses_from_rows, read_table, rigid_rows
+from deepring.data.poses.pose_tables import poses_from_rows, read_table
+from deepring.data.poses.rigid import rigid_rows, rotation_problem
+from deepring.data.poses.trajectory import check_usable
 from deepring.data.readers.reader import (
     BinaryScans,
     LayoutError,
@@ -17,23 +19,26 @@ from deepring.data.readers.reader import (
     first_file,
 )
 from deepring.data.scans.listing import Listing, list_scans
-from deepring.data.scans.records import XYZI, read_records, valid_points
+from deepring.data.scans.names import visible_folders
+from deepring.data.scans.records import XYZI, read_records
 from deepring.data.session import Points, Session, SkippedScans
 from deepring.errors import DataError, FileError
+from deepring.io.text import read_text
 
 _POSE_ROW = np.dtype([("values", np.float64, (12,))])
-_TIME_ROW = np.dtype([("seconds", np.float64)])
+_TIME_ROW = np.dtype([("stamp", np.int64)])
 #: The benchmark publishes no poses for these sequences.
 _TEST_SEQUENCES = {str(number) for number in range(11, 22)}
 
 
 def read_kitti_scan(path: Path | str) -> Points:
-    """Read one ``velodyne/<frame>.bin``: (m, 3) float32 metres, x forward, y left, z up.
+    """Read one ``velodyne/<frame>.bin``: (n, 3) float32 metres, x forward, y left, z up.
 
-    Records are float32 x, y, z, reflectance, little-endian. Drops points that are NaN, infinite
-    or exactly (0, 0, 0). Raises BrokenScanError.
+    Records are float32 x, y, z, reflectance, little-endian. Missing returns are included. Raises
+    BrokenScanError.
     """
-    return valid_points(read_records(path, XYZI)["xyz"], path)
+    points: Points = read_records(path, XYZI)["xyz"]
+    return points
 
 
 def open_kitti(root: Path | str, sequence: str | None = None) -> Session:
@@ -51,6 +56,7 @@ def open_kitti(root: Path | str, sequence: str | None = None) -> Session:
     listing = list_scans(drive / "velodyne", XYZI)
     rows = _read_poses(base, drive)
     rigid = rigid_rows(rows)
+    check_usable(rows, rigid, _pose_file(base, drive) or drive)
     indices = _scans_with_pose(listing, rigid, drive)
     frames = listing.numbers[indices]
     to_camera = read_calibration(drive / "calib.txt")
@@ -79,13 +85,7 @@ def read_calibration(path: Path) -> NDArray[np.float64]:
     numbers. Raises FileError for any other file.
     """
     advice = "For poses that are the LiDAR's own, write: Tr: 1 0 0 0 0 1 0 0 0 0 1 0"
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not text"
-        raise FileError(
-            f"{path}: cannot be read ({reason}); expected Tr, LiDAR to camera. {advice}"
-        ) from error
+    text = read_text(path, f"Tr, LiDAR to camera. {advice}")
     lines = [line.partition(":") for line in text.splitlines() if line.strip()]
     texts = [numbers for name, colon, numbers in lines if colon and name.strip() == "Tr"]
     if not texts and len(lines) == 1 and not lines[0][1]:
@@ -93,10 +93,22 @@ def read_calibration(path: Path) -> NDArray[np.float64]:
     try:
         transform = poses_from_rows(np.array([texts[0].split()], dtype=np.float64).reshape(1, 12))
     except (IndexError, ValueError) as error:
-        raise FileError(f"{path}: expected a line 'Tr:' with 12 numbers. {advice}") from error
+        found = f"Tr is {texts[0].strip()[:200]!r}" if texts else _named(lines)
+        raise FileError(
+            f"{path}: {found}; expected a line 'Tr:' with 12 numbers, separated by blanks. {advice}"
+        ) from error
     if not rigid_rows(transform)[0]:
-        raise FileError(f"{path}: Tr is {texts[0].strip()}, expected a rotation and a translation")
+        raise FileError(
+            f"{path}: Tr is {texts[0].strip()[:200]}, expected a rotation and a translation, but "
+            f"{rotation_problem(transform[0])}"
+        )
     return np.asarray(transform[0], dtype=np.float64)
+
+
+def _named(lines: list[tuple[str, str, str]]) -> str:
+    """What a calibration without Tr holds, for messages."""
+    names = [name.strip()[:40] for name, colon, _ in lines if colon]
+    return f"has {', '.join(names[:8])}, but no Tr" if names else "has no Tr"
 
 
 def list_kitti(root: Path | str) -> list[str]:
@@ -107,7 +119,8 @@ def list_kitti(root: Path | str) -> list[str]:
     base = existing_root(root)
     if (base / "velodyne").is_dir():
         return [base.name]
-    drives = [folder for parent in _parents(base) if parent.is_dir() for folder in parent.iterdir()]
+    parents = [parent for parent in _parents(base) if parent.is_dir()]
+    drives = [drive for parent in parents for drive in visible_folders(parent)]
     return sorted(
         {
             drive.name
@@ -175,13 +188,14 @@ def _read_times(path: Path, rows: int) -> NDArray[np.int64] | None:
     """Stamps (n,) in nanoseconds from ``times.txt`` in seconds, or None without that file."""
     if not path.is_file():
         return None
-    seconds = read_table(path, _TIME_ROW, None, "one number, a time in seconds")["seconds"]
-    if len(seconds) != rows or not (np.abs(seconds) < 9e9).all():  # also rejects NaN
+    row = "one number, a time in seconds"
+    stamps = read_table(path, _TIME_ROW, None, row, seconds=True)["stamp"]
+    if len(stamps) != rows:
         raise DataError(
-            f"{path}: {len(seconds)} rows for {rows} poses; expected a time in seconds for each. "
+            f"{path}: {len(stamps)} rows for {rows} poses; expected a time in seconds for each. "
             "Fetch the file again, or remove it: time stamps are optional"
         )
-    return np.rint(seconds * NANOSECONDS).astype(np.int64)
+    return np.asarray(stamps, dtype=np.int64)
 
 
 READER = Reader(

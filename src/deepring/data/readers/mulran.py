@@ -19,7 +19,8 @@ from deepring.data.readers.reader import (
     first_folder,
 )
 from deepring.data.scans.listing import list_scans
-from deepring.data.scans.records import XYZI, read_records, valid_points
+from deepring.data.scans.names import visible_folders
+from deepring.data.scans.records import XYZI, read_records
 from deepring.data.session import Points, Session
 
 Extrinsic = Literal["tf", "inverse", "none"]
@@ -31,13 +32,13 @@ T_BASE_LIDAR = pose_from(
 
 
 def read_mulran_scan(path: Path | str) -> Points:
-    """Read one ``Ouster/<ns>.bin``: (m, 3) float32 metres in the LiDAR frame, z up.
+    """Read one ``Ouster/<ns>.bin``: (n, 3) float32 metres in the LiDAR frame, z up.
 
-    Records are float32 x, y, z, intensity, little-endian. Drops missing returns, stored as
-    (0, 0, 0), and points with NaN or infinity; files may have fewer than 64 x 1024 records.
-    Raises BrokenScanError.
+    Records are float32 x, y, z, intensity, little-endian. Missing returns, stored as (0, 0, 0),
+    are included; files may have fewer than 64 x 1024 records. Raises BrokenScanError.
     """
-    return valid_points(read_records(path, XYZI)["xyz"], path)
+    points: Points = read_records(path, XYZI)["xyz"]
+    return points
 
 
 def open_mulran(
@@ -84,7 +85,7 @@ def list_mulran(root: Path | str) -> list[str]:
     base = existing_root(root)
     if _scan_folder(base) is not None:
         return [base.name]
-    return sorted(path.name for path in base.iterdir() if _scan_folder(path) is not None)
+    return sorted(path.name for path in visible_folders(base) if _scan_folder(path) is not None)
 
 
 def _scan_folder(sequence: Path) -> Path | None:

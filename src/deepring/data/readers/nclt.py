@@ -28,6 +28,7 @@ from deepring.errors import DataError
 # Coordinates are unsigned: read as int16, points beyond 63.8 m would land near -400 m.
 HIT = np.dtype([("xyz", "<u2", (3,)), ("intensity", "u1"), ("laser", "u1")])
 MICROSECOND = 1000  # nanoseconds: the unit of NCLT's stamps
+_LARGEST_ANGLE = 6.5  # radians, more than a whole turn
 _FLIP = np.diag([*np.diag(NED_TO_UP), 1.0])
 
 
@@ -36,11 +37,13 @@ def read_nclt_scan(path: Path | str) -> Points:
 
     Records of 8 bytes, little-endian: uint16 x, y, z; uint8 intensity; uint8 laser id; metres =
     value * 0.005 - 100 (NCLT's own documentation), so all coordinates lie in -100 m..227.7 m. The
-    points are in the body frame, with the Velodyne's lever arm applied. No points are dropped.
-    Raises BrokenScanError.
+    points are in the body frame, with the Velodyne's lever arm applied. Missing returns are
+    included: a record of zeros, which would be a point 173 m away, becomes NaN. Raises
+    BrokenScanError.
     """
     hits = read_records(path, HIT)
     points: Points = ((hits["xyz"] * 0.005 - 100.0) @ NED_TO_UP).astype(np.float32)
+    points[~hits["xyz"].any(axis=1)] = np.nan
     return points
 
 
@@ -64,7 +67,7 @@ def open_nclt(root: Path | str, date: str, pose_tolerance: float = 0.05) -> Sess
         ground_truth=scans.poses[:, :2, 3].copy(),
         stamps=scans.stamps,
         read=read_nclt_scan,
-        decoding="nclt",
+        decoding="nclt, zeros missing",
         axes=("north", "east"),
         skipped=scans.skipped,
     )
@@ -79,8 +82,15 @@ def read_ground_truth(path: Path) -> Trajectory:
     row = "utime, x, y, z, roll, pitch, yaw, with utime a whole number of microseconds"
     rows = read_table(path, stamped_rows(6), ",", row)
     stamps, values = rows["stamp"], rows["values"]
-    if (np.abs(stamps) > np.iinfo(np.int64).max // MICROSECOND).any():
+    largest = np.iinfo(np.int64).max // MICROSECOND
+    if (stamps > largest).any() or (stamps < -largest).any():
         raise DataError(f"{path}: first column up to {stamps.max()}; expected microseconds")
+    turned = np.abs(values[:, 3:]).max(axis=1) > _LARGEST_ANGLE
+    if turned.mean() > 0.01:
+        raise DataError(
+            f"{path}: {turned.sum()} of {len(values)} rows have angles beyond a whole turn, e.g. "
+            f"{values[turned][0, 3:].tolist()}; expected radians, not degrees"
+        )
     # Infinite angles have no sine; they become NaN, and the row is dropped like other NaN rows.
     angles = np.where(np.isfinite(values[:, 3:]), values[:, 3:], np.nan)
     poses = pose_from(rotation_from_rpy(*angles.T), values[:, :3])

@@ -15,7 +15,7 @@ class BinaryScans(NamedTuple):
     """A format of .bin files, which the files themselves do not name."""
 
     read: Callable[[Path | str], Points]
-    """Decodes one file; raises BrokenScanError."""
+    """Decodes one file, missing returns included; raises BrokenScanError."""
     records: tuple[np.dtype, ...]
     """Types of point records; a file consists of records of one of them."""
     ground_z: float

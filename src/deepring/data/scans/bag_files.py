@@ -1,19 +1,23 @@
 """Scans from ROS 1 and ROS 2 bags, one message at a time."""
 
-from collections.abc import Iterator
-from itertools import islice
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from deepring.checks import count
-from deepring.data.scans.point_cloud2 import cloud_points
+from deepring.data.scans.bags.clouds import CloudDecoder
+from deepring.data.scans.bags.opening import CONTAINERS, Bag, advice, open_bag
+from deepring.data.scans.bags.topics import CLOUD, cloud_topic
+from deepring.data.scans.names import ending_of
+from deepring.data.scans.point_cloud2 import cloud_records
+from deepring.data.scans.returns import scan_from
 from deepring.data.session import Points
-from deepring.errors import BrokenScanError, ConfigError, DataError, DeepringError, FileError
+from deepring.errors import BrokenScanError, DeepringError, FileError
 
 #: Endings of files that are bags.
-BAGS = (".bag", ".db3", ".mcap")
-
-_CLOUD = "sensor_msgs/msg/PointCloud2"
+BAGS = tuple(CONTAINERS)
 
 
 class BagScan(NamedTuple):
@@ -21,14 +25,14 @@ class BagScan(NamedTuple):
 
     stamp: int
     """Nanoseconds, from the message's header, or from the recording if that is 0."""
-    points: Points
-    """(n, 3) float32, metres, in the sensor's frame."""
+    read: Callable[[], Points]
+    """Its points, (n, 3) float32, metres, in the sensor's frame; raises BrokenScanError."""
 
 
 def is_bag(path: Path) -> bool:
     """True for a bag, by the file's ending or the folder's metadata.yaml."""
     if not path.is_dir():
-        return path.suffix in BAGS
+        return ending_of(path) in BAGS
     metadata = path / "metadata.yaml"
     return metadata.is_file() and b"rosbag2_bagfile_information" in metadata.read_bytes()
 
@@ -36,76 +40,101 @@ def is_bag(path: Path) -> bool:
 def bag_scans(path: Path | str, topic: str | None = None, every: int = 1) -> Iterator[BagScan]:
     """The point clouds of a bag in the order of recording, one in memory at a time.
 
+    All messages are counted: less than the bag's index or metadata.yaml says is an error, after
+    the scans before the damage. A message that is broken by itself is an error of its
+    `BagScan.read`, and the next one follows.
+
     Args:
         path: a .bag file of ROS 1, an .mcap or .db3 file or a folder of ROS 2.
         topic: topic of type sensor_msgs/PointCloud2; optional if there is only one.
         every: yields the first message and every ``every``-th after it.
 
     Raises:
-        BrokenScanError: a bag or a message that cannot be decoded; see `cloud_points`.
-        FileError: a missing file or library.
-        DataError: a bag without point clouds.
+        BrokenScanError: a bag that is damaged or was not closed; says how much of it was read.
+        FileError: a missing file or library, or no permission.
+        DataError: a bag without point clouds, or in a form that is not read.
         ConfigError: an unknown topic, or several topics and none named.
     """
     path = Path(path)
     count("every", every)
     if not path.exists():
         raise FileError(f"bag {path}: no such file or folder; expected a bag of ROS 1 or 2")
-    try:
-        from rosbags.rosbag1 import Reader as Reader1
-        from rosbags.rosbag2 import Reader as Reader2
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise FileError(f"bag {path}: bags need rosbags; pip install 'deepring[bags]'") from error
-    # The message type has never changed. The bag's own definitions are not used: old bags have
-    # none, and an invalid one of another topic would make the whole bag unreadable.
-    reader: Any
-    decode: Any
-    if path.suffix == ".bag":
-        reader, decode = Reader1, get_typestore(Stores.ROS1_NOETIC).deserialize_ros1
-    else:
-        reader, decode = Reader2, get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
-    try:
-        with reader(path) as bag:
-            connections = _of_topic(path, bag.connections, topic)
-            for connection, time, raw in islice(bag.messages(connections), 0, None, every):
-                yield _scan(path, connection.topic, time, decode(raw, _CLOUD))
-    except DeepringError:
-        raise
-    except Exception as error:  # the library raises many types for a damaged bag
-        tool = "rosbag" if path.suffix == ".bag" else "ros2 bag"
+    with ExitStack() as opened:
+        try:
+            yield from _scans(open_bag(path, opened), path, topic, every)
+        except OSError as error:
+            raise FileError(f"bag {path}: cannot be read: {error.strerror}") from error
+        except DeepringError as error:
+            raise type(error)(f"bag {path}: {error}", error.argument) from error
+
+
+def _scans(bag: Bag, path: Path, topic: str | None, every: int) -> Iterator[BagScan]:
+    """See `bag_scans`; the errors do not name the bag."""
+    decoder = CloudDecoder()
+    name = _topic(bag, topic)
+    expected = bag.topics[name, CLOUD]
+    read = 0
+    for part in bag.parts:
+        channels = {
+            number: channel.encoding
+            for number, channel in part.contents.channels.items()
+            if (channel.topic, channel.type) == (name, CLOUD)
+        }
+        for encoding in channels.values():
+            decoder.check(encoding)
+        try:
+            for message in part.file.messages(channels):
+                if read % every == 0:
+                    decode = partial(decoder, channels[message.channel], message.data)
+                    yield _scan(decode, message.time, f"bag {path}, {name}")
+                read += 1
+            damage = part.contents.damage
+        except BrokenScanError as error:
+            damage = str(error)
+        if damage:
+            of = f" of {expected}" if bag.counted else ""
+            rest = "" if bag.counted else "; how many more there were is unknown"
+            file = f"{part.file.path.name}: " if len(bag.parts) > 1 else ""
+            raise BrokenScanError(
+                f"{read}{of} messages on {name} read{rest}: {file}{damage}. {advice(part.file)}"
+            )
+    if read != expected:
         raise BrokenScanError(
-            f"bag {path}: cannot be decoded; expected a complete bag, but this one is damaged or "
-            f"cut short: copy it again, or try `{tool} reindex`"
-        ) from error
-
-
-def _of_topic(path: Path, connections: list[Any], topic: str | None) -> list[Any]:
-    """The connections of the named topic, or of the only one with point clouds."""
-    clouds = sorted({c.topic for c in connections if c.msgtype == _CLOUD})
-    if not clouds:
-        topics = sorted({f"{c.topic} ({c.msgtype})" for c in connections})
-        raise DataError(
-            f"bag {path}: no point clouds among its topics, {', '.join(topics) or 'none'}; "
-            f"expected one of type {_CLOUD}"
+            f"{read} messages on {name} read, but its index says {expected}. "
+            f"{advice(bag.parts[-1].file)}"
         )
-    if topic is None and len(clouds) > 1:
-        raise ConfigError(
-            f"bag {path}: point clouds on {', '.join(clouds)}; expected one topic: name it",
-            argument="topic",
-        )
-    if topic is not None and topic not in clouds:
-        raise ConfigError(
-            f"bag {path}: no point clouds on topic {topic}; expected {' or '.join(clouds)}",
-            argument="topic",
-        )
-    return [c for c in connections if c.topic == (topic or clouds[0]) and c.msgtype == _CLOUD]
 
 
-def _scan(path: Path, topic: str, time: int, message: Any) -> BagScan:
-    stamp = message.header.stamp
-    nanoseconds = int(stamp.sec) * 10**9 + int(stamp.nanosec) or time
+def _topic(bag: Bag, topic: str | None) -> str:
+    """The topic to read. If there is none because the bag is damaged, the error says so."""
     try:
-        return BagScan(nanoseconds, cloud_points(message))
+        return cloud_topic(bag.topics, topic)
+    except DeepringError:
+        for part in bag.parts:
+            if part.contents.damage:
+                raise BrokenScanError(
+                    f"no messages read: {part.contents.damage}. {advice(part.file)}"
+                ) from None
+        raise
+
+
+def _scan(decode: Callable[[], Any], time: int, source: str) -> BagScan:
+    """The scan of one message; if it cannot be decoded, its stamp is that of the recording."""
+    try:
+        message = decode()
+        stamp = int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec) or time
     except BrokenScanError as error:
-        raise BrokenScanError(f"bag {path}, {topic} at {nanoseconds} ns: {error}") from error
+        return BagScan(time, partial(_fail, f"{source} at {time} ns: {error}"))
+    return BagScan(stamp, partial(_points, message, f"{source} at {stamp} ns"))
+
+
+def _fail(reason: str) -> Points:
+    raise BrokenScanError(reason)
+
+
+def _points(message: Any, source: str) -> Points:
+    try:
+        records = cloud_records(message)
+    except BrokenScanError as error:
+        raise BrokenScanError(f"{source}: {error}") from error
+    return scan_from(records, source).points

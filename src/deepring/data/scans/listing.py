@@ -1,14 +1,17 @@
 """Lists the scans of a folder by the numbers in their names, without opening files."""
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.data.scans.names import files_with
 from deepring.data.scans.records import file_problem
 from deepring.errors import DataError
 
+_DIGITS = re.compile(r"[0-9]{1,30}")
 _LARGEST_STAMP = np.iinfo(np.int64).max
 
 
@@ -24,28 +27,25 @@ def list_scans(folder: Path, *records: np.dtype, unit: int = 1) -> Listing:
     """List ``folder/<number>.bin``, with one stat per file.
 
     ``unit`` scales the numbers (1000 converts microseconds to nanoseconds). A file that is empty,
-    not a whole number of ``records`` of any of the types long, or whose name is not a number goes
-    to ``broken``. Raises DataError if no file is left.
+    not a whole number of ``records`` of any of the types long, whose name is not a number, or that
+    of another file, goes to ``broken``. Raises DataError if no file is left.
     """
-    scans: list[tuple[int, Path]] = []
     broken: list[str] = []
-    for path in sorted(folder.iterdir(), key=lambda path: path.name):
-        # Some systems unpack hidden "._<name>.bin" files, which are not scans.
-        if not path.name.endswith(".bin") or path.name.startswith("."):
-            continue
-        stem = path.name.removesuffix(".bin")
-        number = int(stem) * unit if stem.isascii() and stem.isdigit() else -1
+    taken: dict[int, Path] = {}
+    for path in files_with(folder, (".bin",)):
+        number = int(path.stem) * unit if _DIGITS.fullmatch(path.stem) else -1
         if not 0 <= number <= _LARGEST_STAMP:
             broken.append(f"{path}: the name is not a scan number or time stamp")
+        elif number in taken:
+            broken.append(f"{path}: the number is that of {taken[number].name}, too")
         elif problem := file_problem(path, *records):
             broken.append(f"{path}: {problem}")
         else:
-            scans.append((number, path))
-    if not scans:
+            taken[number] = path
+    if not taken:
         raise _nothing_readable(folder, broken)
-    scans.sort()
-    numbers = np.array([number for number, _ in scans], dtype=np.int64)
-    return Listing(tuple(path for _, path in scans), numbers, tuple(broken))
+    numbers = np.array(sorted(taken), dtype=np.int64)
+    return Listing(tuple(taken[number] for number in numbers.tolist()), numbers, tuple(broken))
 
 
 def _nothing_readable(folder: Path, broken: list[str]) -> DataError:

@@ -2,19 +2,23 @@
 
 A PLY file is a header of elements (name, number of rows, properties) followed by the rows of each
 element. A property is a number, or a list: a count and that many numbers. Rows with lists may thus
-differ in length, and have to be read one by one. An ascii body is converted to a binary one of
-float64 values, counts included.
+differ in length, and have to be read one by one. Each row of an ascii body is one line.
 """
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
+from struct import Struct
+from struct import error as StructError
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.data.scans.content import ContentError, decoded
+from deepring.data.scans.coordinates import coordinate_fields, expect_type, points_of
+from deepring.data.scans.text_rows import text_rows
 from deepring.data.session import Points
-from deepring.errors import BrokenScanError
 
 _TYPES = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
@@ -51,52 +55,104 @@ def read_ply(path: Path | str) -> Points:
     Raises BrokenScanError for another type of file, one without x, y and z, or one with fewer or
     more rows than its header says.
     """
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise BrokenScanError(f"scan {path}: cannot be read ({error.strerror})") from error
-    try:
-        return _vertices(content)
-    except _PlyError as error:
-        raise BrokenScanError(f"scan {path}: {error}; expected a complete PLY file") from None
-
-
-class _PlyError(Exception):
-    """A defect of a file; `read_ply` adds the file's name."""
+    return decoded(path, _vertices, "PLY")
 
 
 def _vertices(content: bytes) -> Points:
-    order, elements, body = _header(content)
-    at, points = 0, None
+    form, elements, body = _header(content)
+    vertices = [element for element in elements if element.name == "vertex"]
+    if len(vertices) != 1:
+        raise ContentError(f"{len(vertices) or 'no'} elements vertex in its header, not one")
+    axes = coordinate_fields([p.name if p.length is None else "" for p in vertices[0].properties])
+    if form == "ascii":
+        return _ascii(elements, axes, body)
+    at, points = 0, np.empty((0, 3), dtype=np.float32)
     for element in elements:
-        rows, at = _rows(element, body, at, order)
-        if element.name == "vertex":
-            points = _coordinates(element, rows)
+        if not element.rows or not element.properties:
+            continue
+        rows = _equal_rows(element, body, at, _ORDERS[form])
+        if rows is not None:
+            columns = [rows[str(k)] for k in axes] if element is vertices[0] else []
+            at += rows.nbytes
+        else:
+            wanted = axes if element is vertices[0] else []
+            columns, at = _rows_one_by_one(element, body, at, _ORDERS[form], wanted)
+        if columns:
+            points = points_of(columns)
     if at < len(body):
-        names = ", ".join(map(str, elements))
-        raise _PlyError(f"{len(body) - at} bytes more than its header says ({names})")
-    if points is None:
-        raise _PlyError("no element vertex in its header")
+        raise _too_long(elements, f"{len(body) - at} bytes")
     return points
 
 
+def _ascii(elements: list[_Element], axes: list[int], body: bytes) -> Points:
+    lines = [line for line in body.splitlines() if line.strip()]
+    at, points = 0, np.empty((0, 3), dtype=np.float32)
+    for element in elements:
+        if not element.properties:
+            continue
+        rows = lines[at : at + element.rows]
+        if len(rows) < element.rows:
+            raise _too_short(element, len(rows))
+        at += element.rows
+        numbers = _numbers(element, rows)
+        if element.name == "vertex":
+            kinds = [np.dtype(element.properties[k].value) for k in axes]
+            points = points_of(
+                [expect_type(numbers[:, k], kind) for k, kind in zip(axes, kinds, strict=True)]
+            )
+    if at < len(lines):
+        raise _too_long(elements, f"{len(lines) - at} lines")
+    return points
+
+
+def _numbers(element: _Element, rows: list[bytes]) -> NDArray[np.float64]:
+    """The numbers (rows, properties) of an element in text; NaN in place of lists."""
+    single = [k for k, p in enumerate(element.properties) if p.length is None]
+    numbers = np.full((len(rows), len(element.properties)), np.nan)
+    if len(single) < len(element.properties):
+        rows = [_without_lists(element, row) for row in rows]
+    if single:
+        numbers[:, single] = text_rows(b"\n".join(rows), len(single))
+    return numbers
+
+
+def _without_lists(element: _Element, row: bytes) -> bytes:
+    """The numbers of a row that are not in lists."""
+    words, kept = row.split(), []
+    for p in element.properties:
+        items = 1
+        if p.length is not None:
+            count, *words = words or [b""]
+            if not (count.isdigit() and len(count) < 19):
+                raise ContentError(f"a list of {count.decode('latin-1')[:40]!r} items in {element}")
+            items = int(count)
+        else:
+            kept += words[:1]
+        if items > len(words):
+            raise ContentError(f"a row of {element} is cut short: {row[:80].decode('latin-1')!r}")
+        words = words[items:]
+    if words:
+        raise ContentError(f"a row of {element} is too long: {row[:80].decode('latin-1')!r}")
+    return b" ".join(kept)
+
+
 def _header(content: bytes) -> tuple[str, list[_Element], bytes]:
-    """The byte order, the elements, and the bytes of their rows."""
-    if not content.startswith(b"ply"):
-        raise _PlyError("does not begin with the line 'ply'")
+    """The format, the elements, and the bytes of their rows."""
+    if content[: content.find(b"\n", 0, 80)].strip() != b"ply":
+        raise ContentError("does not begin with the line 'ply'")
     start = content.find(_END, 0, _LONGEST_HEADER)
     if start < 0:
-        raise _PlyError("a header without end_header")
+        raise ContentError("a header without end_header")
     end = start + len(_END)
     newline = b"\r\n" if content[end : end + 2] == b"\r\n" else b"\n"
     if content[end : end + len(newline)] not in (newline, b""):
-        raise _PlyError("a header without end_header on a line of its own")
+        raise ContentError("a header without end_header on a line of its own")
     body = content[end + len(newline) :]
     form, elements = "", list[_Element]()
     for line in content[:start].decode("latin-1").splitlines()[1:]:
         match line.split():
-            case ["format", form, _]:
-                pass
+            case ["format", kind, "1.0"] if not form:
+                form = kind
             case ["element", name, rows] if rows.isascii() and rows.isdigit() and len(rows) < 19:
                 elements.append(_Element(name, int(rows)))
             case ["property", kind, name] if kind in _TYPES and elements:
@@ -108,83 +164,85 @@ def _header(content: bytes) -> tuple[str, list[_Element], bytes]:
             case [] | ["comment" | "obj_info", *_]:
                 pass
             case _:
-                raise _PlyError(f"the header line {line[:80]!r}")
+                raise ContentError(f"the header line {line[:80]!r}")
     if form not in _ORDERS:
-        raise _PlyError(f"format {form or 'missing'}, not one of {', '.join(_ORDERS)}")
-    if form == "ascii":
-        body = _numbers(body)
-        for element in elements:
-            element.properties = [
-                p._replace(value="f8", length=p.length and "f8") for p in element.properties
-            ]
-    return _ORDERS[form], elements, body
+        raise ContentError(f"format {form or 'missing'}, not one of {', '.join(_ORDERS)}")
+    return form, elements, body
 
 
-def _numbers(text: bytes) -> bytes:
-    """The numbers of an ascii body, as little-endian float64."""
-    try:
-        return np.array(text.split(), dtype="<f8").tobytes()
-    except ValueError as error:
-        raise _PlyError("an ascii body with values other than numbers") from error
+def _too_short(element: _Element, rows: int) -> ContentError:
+    return ContentError(f"ends within {element} of its header, after {rows} rows")
 
 
-def _rows(element: _Element, body: bytes, at: int, order: str) -> tuple[list[NDArray[Any]], int]:
-    """The rows of an element that begins at byte ``at``, in one or more arrays, and its end."""
-    if not element.rows or not element.properties:
-        return [], at
-    kind = _row_type(element, body, at, order)
-    end = at + element.rows * kind.itemsize
+def _too_long(elements: list[_Element], more: str) -> ContentError:
+    return ContentError(f"{more} more than its header says ({', '.join(map(str, elements))})")
+
+
+def _equal_rows(element: _Element, body: bytes, at: int, order: str) -> NDArray[Any] | None:
+    """The rows (n,) of an element that begins at byte ``at``, with property k in field "k".
+
+    None if lists differ in length, or a row is missing in an element with lists.
+    """
+    kind = _first_row(element, body, at, order)
     counts = [name for name in kind.names or () if name.startswith("#")]
-    if end <= len(body):
-        array = np.frombuffer(body, kind, element.rows, at)
-        if all((array[name] == array[name][0]).all() for name in counts):
-            return [array], end
-    elif not counts:
-        row = (len(body) - at) // kind.itemsize
-        raise _PlyError(f"ends within {element} of its header, after {row} rows")
-    rows: list[NDArray[Any]] = []  # lists of several lengths
-    for row in range(element.rows):
-        kind = _row_type(element, body, at, order)
-        if at + kind.itemsize > len(body):
-            raise _PlyError(f"ends within {element} of its header, after {row} rows")
-        rows.append(np.frombuffer(body, kind, 1, at))
-        at += kind.itemsize
-    return rows, at
+    if at + element.rows * kind.itemsize > len(body):
+        if counts:
+            return None
+        raise _too_short(element, (len(body) - at) // kind.itemsize)
+    rows: NDArray[Any] = np.frombuffer(body, kind, element.rows, at)
+    return rows if all((rows[name] == rows[name][0]).all() for name in counts) else None
 
 
-def _row_type(element: _Element, body: bytes, at: int, order: str) -> np.dtype:
-    """The type of the row at byte ``at``, with the lengths of its lists."""
+def _first_row(element: _Element, body: bytes, at: int, order: str) -> np.dtype:
+    """The type of the row at byte ``at``, with the length k of a list in field "#k"."""
     fields: list[tuple[Any, ...]] = []
     size = 0
-    for k, (_, value, count) in enumerate(element.properties):
-        item = np.dtype(order + value)
-        if count is None:
-            fields.append((f"{k}", item))
-            size += item.itemsize
-            continue
-        length = np.dtype(order + count)
-        if at + size + length.itemsize > len(body):
-            raise _PlyError(f"ends within {element} of its header")
-        items = float(np.frombuffer(body, length, 1, at + size)[0])
-        if not (items >= 0 and items.is_integer()):
-            raise _PlyError(f"a list of {items:g} items in {element} of its header")
-        size += length.itemsize + int(items) * item.itemsize
+    for k, p in enumerate(element.properties):
+        items: tuple[int, ...] = ()
+        if p.length is not None:
+            fields.append((f"#{k}", order + p.length))
+            items = (_list_length(element, body, at + size, order + p.length),)
+            size += np.dtype(p.length).itemsize
+        fields.append((f"{k}", order + p.value, items))
+        size += np.dtype(p.value).itemsize * math.prod(items)
         if at + size > len(body):
-            raise _PlyError(f"ends within {element} of its header")
-        fields += [(f"#{k}", length), (f"{k}", item, (int(items),))]
+            raise _too_short(element, 0)
     return np.dtype(fields)
 
 
-def _coordinates(element: _Element, rows: list[NDArray[Any]]) -> Points:
-    numbers = {p.name: str(k) for k, p in enumerate(element.properties) if p.length is None}
-    if not {"x", "y", "z"} <= set(numbers):
-        names = ", ".join(p.name for p in element.properties)
-        raise _PlyError(f"{element} of its header has {names or 'no properties'}, not x, y and z")
-    if not rows:
-        return np.empty((0, 3), dtype=np.float32)
-    with np.errstate(over="ignore", invalid="ignore"):  # beyond float32 becomes infinite
-        columns = [
-            np.concatenate([part[numbers[name]] for part in rows]).astype(np.float32)
-            for name in "xyz"
-        ]
-    return np.stack(columns, axis=1)
+def _list_length(element: _Element, body: bytes, at: int, kind: str) -> int:
+    if at + np.dtype(kind).itemsize > len(body):
+        raise _too_short(element, 0)
+    items = int(np.frombuffer(body, kind, 1, at)[0])
+    if items < 0:
+        raise ContentError(f"a list of {items} items in {element}")
+    return items
+
+
+def _rows_one_by_one(
+    element: _Element, body: bytes, at: int, order: str, axes: list[int]
+) -> tuple[list[NDArray[np.float64]], int]:
+    """The columns of the properties ``axes`` of rows of several lengths, and the rows' end."""
+    columns: dict[int, list[float]] = {k: [] for k in axes}
+    steps = [
+        (k, Struct(order + np.dtype(p.length or p.value).char), np.dtype(p.value).itemsize, p)
+        for k, p in enumerate(element.properties)
+    ]
+    row = 0
+    try:
+        for row in range(element.rows):
+            for k, number, size, p in steps:
+                (value,) = number.unpack_from(body, at)
+                at += number.size
+                if p.length is None:
+                    if k in columns:
+                        columns[k].append(value)
+                    continue
+                if value < 0:
+                    raise ContentError(f"a list of {value} items in {element}")
+                at += value * size
+            if at > len(body):
+                raise _too_short(element, row)
+    except StructError:
+        raise _too_short(element, row) from None
+    return [np.array(columns[k], dtype=np.float64) for k in axes], at

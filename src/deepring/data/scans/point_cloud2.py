@@ -1,69 +1,96 @@
 """Points of ROS 1 and ROS 2 messages of type sensor_msgs/PointCloud2."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from deepring.data.session import Points
 from deepring.errors import BrokenScanError
 
-#: NumPy types of the values of PointField.datatype that coordinates may have.
+#: The names of PointField.datatype.
+_NAMES = {
+    1: "INT8",
+    2: "UINT8",
+    3: "INT16",
+    4: "UINT16",
+    5: "INT32",
+    6: "UINT32",
+    7: "FLOAT32",
+    8: "FLOAT64",
+}
+#: NumPy types of those that coordinates may have.
 _FLOATS = {7: "f4", 8: "f8"}
 
 
-def cloud_points(message: Any) -> Points:
-    """Points (n, 3) float32, row by row, in the unit of the message: metres by ROS's convention.
+def cloud_records(message: Any) -> NDArray[np.float32]:
+    """x, y, z (n, 3) float32, row by row, in the unit of the message: metres by ROS's convention.
 
-    Drops points with NaN or infinite coordinates, which mark beams without a return in organised
-    clouds.
+    Missing returns are among them (see `is_return`); what is beyond float32 becomes infinite.
 
     Args:
         message: an object with the fields of sensor_msgs/PointCloud2, ``data`` as uint8.
 
     Raises:
-        BrokenScanError: no x, y and z of a floating-point type, or too few bytes.
+        BrokenScanError: no x, y and z of a floating-point type, or data of another size than the
+            message states.
     """
     layout = _layout(message)
     rows, columns = int(message.height), int(message.width)
-    if not rows * columns:
-        return np.empty((0, 3), dtype=np.float32)
     row = columns * layout.itemsize
     # Some drivers set row_step to 0 for a single row.
-    row_step = int(message.row_step) if rows > 1 else row
+    row_step = int(message.row_step) if rows > 1 else max(row, int(message.row_step))
+    # A single row has no reason for padding in which more points would fit.
+    most = rows * row_step if rows != 1 else row + min(row_step - row, layout.itemsize - 1)
     data = np.asarray(message.data, dtype=np.uint8)
-    if row_step < row or len(data) < (rows - 1) * row_step + row:
+    # The last row may leave its padding out.
+    least = (rows - 1) * row_step + row if rows and columns else 0
+    if row_step < row or not least <= len(data) <= most:
         raise BrokenScanError(
             f"PointCloud2: {len(data)} bytes in rows of {row_step}; expected {rows} rows of "
             f"{columns} points of {layout.itemsize} bytes"
         )
+    if not least:
+        return np.empty((0, 3), dtype=np.float32)
     cloud = np.ndarray((rows, columns), layout, data.data, 0, (row_step, layout.itemsize))
     with np.errstate(over="ignore", invalid="ignore"):  # beyond float32 becomes infinite
-        points = np.stack([cloud[name].astype(np.float32).ravel() for name in "xyz"], axis=1)
-    return points[np.isfinite(points).all(axis=1)]
+        return np.stack([cloud[name].astype(np.float32).ravel() for name in "xyz"], axis=1)
 
 
 def _layout(message: Any) -> np.dtype[np.void]:
     """The NumPy type of a point, with x, y and z at their offsets."""
-    fields = {field.name: field for field in message.fields}
-    if any(name not in fields or fields[name].datatype not in _FLOATS for name in "xyz"):
-        names = ", ".join(f"{name} (type {field.datatype})" for name, field in fields.items())
+    fields = {field.name: field for field in message.fields if field.name in ("x", "y", "z")}
+    names = [field.name for field in message.fields]
+    if (
+        sorted(name for name in names if name in fields) != ["x", "y", "z"]
+        or any(field.datatype not in _FLOATS for field in fields.values())
+        # A count of 0 is an old way to write 1.
+        or any(field.count not in (0, 1) for field in fields.values())
+    ):
         raise BrokenScanError(
-            f"PointCloud2: fields {names or 'none'}; expected x, y and z of type 7 (float32) or 8 "
-            "(float64)"
+            f"PointCloud2: fields {_words(message.fields)}; expected one x, y and z each, of type "
+            "7 (FLOAT32) or 8 (FLOAT64)"
+        )
+    formats = [_FLOATS[fields[name].datatype] for name in "xyz"]
+    offsets = [int(fields[name].offset) for name in "xyz"]
+    step = int(message.point_step)
+    ends = [offset + int(form[1]) for offset, form in zip(offsets, formats, strict=True)]
+    spans = sorted(zip(offsets, ends, strict=True))
+    if min(offsets) < 0 or max(ends) > step or any(a[1] > b[0] for a, b in pairwise(spans)):
+        raise BrokenScanError(
+            f"PointCloud2: x, y and z at bytes {', '.join(map(str, offsets))}; expected them one "
+            f"beside another within the {step} bytes of a point"
         )
     order = ">" if message.is_bigendian else "<"
-    try:
-        return np.dtype(
-            {
-                "names": list("xyz"),
-                "formats": [order + _FLOATS[fields[name].datatype] for name in "xyz"],
-                "offsets": [int(fields[name].offset) for name in "xyz"],
-                "itemsize": int(message.point_step),
-            }
-        )
-    except ValueError as error:
-        offsets = ", ".join(str(fields[name].offset) for name in "xyz")
-        raise BrokenScanError(
-            f"PointCloud2: x, y and z at bytes {offsets}; expected them within the "
-            f"{message.point_step} bytes of a point"
-        ) from error
+    kinds = [order + form for form in formats]
+    return np.dtype({"names": list("xyz"), "formats": kinds, "offsets": offsets, "itemsize": step})
+
+
+def _words(fields: Any) -> str:
+    """The fields with their types, the first twenty."""
+    words = [
+        f"{str(field.name)[:40]!r} ({field.count} × type {field.datatype}, "
+        f"{_NAMES.get(field.datatype, 'unknown')})"
+        for field in fields[:20]
+    ]
+    return ", ".join(words) or "none"

@@ -1,12 +1,13 @@
-"""Scan files that consist of point records: reads them, and drops missing returns."""
+"""Scan files that consist of point records."""
 
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.data.session import Points
+from deepring.data.scans.content import content_of
 from deepring.errors import BrokenScanError
+from deepring.io.git_lfs import LFS_POINTER, LONGEST_POINTER, is_lfs_pointer_file
 
 #: One point of a MulRan or KITTI scan: x, y, z in metres and an intensity, little-endian float32.
 XYZI = np.dtype([("xyz", "<f4", (3,)), ("intensity", "<f4")])
@@ -23,25 +24,25 @@ def size_problem(size: int, *records: np.dtype) -> str | None:
 
 
 def file_problem(path: Path, *records: np.dtype) -> str | None:
-    """The reason why a file cannot be read or has an impossible size (`size_problem`), or None."""
+    """The reason why a file cannot be read or has an impossible size (`size_problem`), or None.
+
+    A Git LFS pointer is recognised whatever its size.
+    """
     try:
-        return size_problem(path.stat().st_size, *records)
+        size = path.stat().st_size
     except OSError as error:  # e.g. a broken link
         return f"cannot be read ({error.strerror})"
+    if size < LONGEST_POINTER and is_lfs_pointer_file(path):
+        return LFS_POINTER
+    return size_problem(size, *records)
 
 
 def read_records(path: Path | str, record: np.dtype) -> NDArray:
     """The (n,) records of one file.
 
-    Raises BrokenScanError if the file cannot be read or has an impossible size.
+    Raises BrokenScanError if the file has an impossible size, and as `content_of`.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise BrokenScanError(
-            f"{path}: cannot be read ({error.strerror}); expected a scan file"
-        ) from error
-    return records_from(data, record, path)
+    return records_from(content_of(path), record, path)
 
 
 def records_from(data: bytes, record: np.dtype, source: Path | str) -> NDArray:
@@ -50,18 +51,3 @@ def records_from(data: bytes, record: np.dtype, source: Path | str) -> NDArray:
     if problem:
         raise BrokenScanError(f"{source}: {problem}. Fetch or unpack the file again")
     return np.frombuffer(data, dtype=record)
-
-
-def valid_points(xyz: NDArray[np.float32], source: Path | str) -> Points:
-    """The points (m, 3) float32 of ``xyz`` (n, 3) that are finite and not (0, 0, 0).
-
-    Raises BrokenScanError if no point is left.
-    """
-    points = np.asarray(xyz[np.isfinite(xyz).all(axis=1)], dtype=np.float32)
-    points = points[points.any(axis=1)]
-    if not len(points):
-        raise BrokenScanError(
-            f"{source}: {len(xyz)} records, all missing returns (0, 0, 0), NaN or infinite; "
-            "expected at least one valid point"
-        )
-    return points

@@ -47,6 +47,7 @@ class OneShotClassifier(nn.Module):
 
     def __init__(self, temperature_scale: float = 100.0) -> None:
         super().__init__()
+        positive("loss.temperature_scale", temperature_scale)
         self.weight = nn.Parameter(torch.tensor(float(temperature_scale)))
         self.bias = nn.Parameter(torch.zeros(()))
 

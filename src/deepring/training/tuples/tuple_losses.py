@@ -82,6 +82,7 @@ class TurnCrossEntropy(nn.Module):
 
     def __init__(self, scale: float = 200.0) -> None:
         super().__init__()
+        checks.positive("loss.turn_scale", scale)
         self.scale = nn.Parameter(torch.tensor(float(scale)))
 
     def forward(self, queries: Tensor, positives: Tensor, turn: Tensor) -> Tensor:

@@ -1,8 +1,6 @@
 """Custom datasets: scans and poses in a folder, described by a YAML file."""
 
 import math
-import re
-from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +8,13 @@ from numpy.typing import NDArray
 
 from deepring.core.rigid import pose_from
 from deepring.data.poses.pose_tables import (
-    NANOSECONDS,
     poses_from_quaternions,
     poses_from_rows,
     read_table,
-    rigid_rows,
+    stamped_rows,
 )
+from deepring.data.poses.rigid import rigid_rows, rotation_problem
+from deepring.data.poses.stamps import seconds_text
 from deepring.data.readers import binary_formats
 from deepring.data.readers.custom.custom_scans import UP, CustomScans
 from deepring.data.readers.custom.drive_file import (
@@ -26,15 +25,14 @@ from deepring.data.readers.custom.drive_file import (
     read_drives,
 )
 from deepring.data.readers.reader import LayoutError, Reader
+from deepring.data.scans.names import ending_of, files_with
 from deepring.data.scans.records import file_problem
-from deepring.data.scans.scan_files import scan_files
+from deepring.data.scans.scan_files import SCANS
 from deepring.data.session import Session, SkippedScans
 from deepring.errors import ConfigError, DataError, FileError
 
 _KITTI_ROW = np.dtype([("values", np.float64, (12,))])
-_TUM_ROW = np.dtype([("seconds", np.float64), ("values", np.float64, (7,))])
 _BYTE = np.dtype("u1")
-_NUMBER = re.compile(r"([0-9]+(?:\.[0-9]+)?)")
 
 
 def open_custom(root: Path | str, name: str | None = None) -> Session:
@@ -121,26 +119,24 @@ def _scans(drive: DriveDescription) -> list[Path]:
             f"{drive.file}: scans: {drive.scans} is not a folder; expected that of the scans, "
             "relative to this file's folder"
         )
-    # Some systems unpack hidden "._<name>.bin" files, which are not scans.
-    files = [file for file in scan_files([drive.scans]) if not file.name.startswith(".")]
-    if drive.format is None and any(file.suffix == ".bin" for file in files):
+    files = files_with(drive.scans, SCANS)
+    if not files:
+        raise FileError(
+            f"{drive.file}: scans: {drive.scans} is a folder without scans; expected files ending "
+            f"in {', '.join(SCANS)}"
+        )
+    if drive.format is None and any(ending_of(file) == ".bin" for file in files):
         raise ConfigError(
             f"{drive.file}: format: missing, expected that of the .bin files in {drive.scans}: "
             f"add one of {', '.join(binary_formats())}"
         )
-    return sorted(files, key=_order)
-
-
-def _order(file: Path) -> list[str | Decimal]:
-    """Sort key with numbers in names as numbers, so that 9.npy comes before 10.npy."""
-    parts = _NUMBER.split(file.stem)
-    return [Decimal(part) if k % 2 else part for k, part in enumerate(parts)]
+    return files
 
 
 def _problem(file: Path, format: str | None) -> str | None:
     """The reason why a file cannot be a scan, by its size, or None."""
     records: tuple[np.dtype, ...] = (_BYTE,)
-    if file.suffix == ".bin" and format is not None:
+    if ending_of(file) == ".bin" and format is not None:
         records = binary_formats()[format].records
     problem = file_problem(file, *records)
     return None if problem is None else f"{file}: {problem}"
@@ -162,16 +158,17 @@ def _pose_rows(drive: DriveDescription) -> tuple[NDArray[np.float64], NDArray[np
 
 def _tum(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     row = "stamp x y z qx qy qz qw, separated by blanks (pose_format: tum)"
-    rows = read_table(path, _TUM_ROW, None, row)
-    seconds, values = rows["seconds"], rows["values"]
-    # Also rejects NaN. Rows out of order would silently go to the wrong scans.
-    if not (np.abs(seconds) < 9e9).all() or (np.diff(seconds) < 0).any():
+    rows = read_table(path, stamped_rows(7), None, row, seconds=True)
+    stamps, values = np.asarray(rows["stamp"], dtype=np.int64), rows["values"]
+    # Rows out of order would silently go to the wrong scans.
+    falling = np.flatnonzero(stamps[1:] < stamps[:-1])
+    if len(falling):
+        k = int(falling[0])
         raise DataError(
-            f"{path}: first column from {seconds[0]} to {seconds[-1]}; expected seconds in "
-            "ascending order, that of the scans' names"
+            f"{path}: stamp {seconds_text(stamps[k + 1])} follows {seconds_text(stamps[k])}; "
+            "expected seconds in ascending order, that of the scans' names"
         )
-    poses = _rigid(poses_from_quaternions(values), path)
-    return poses, np.rint(seconds * NANOSECONDS).astype(np.int64)
+    return _rigid(poses_from_quaternions(values), path), stamps
 
 
 def _expect_upright(poses: NDArray[np.float64], drive: DriveDescription) -> None:
@@ -182,6 +179,7 @@ def _expect_upright(poses: NDArray[np.float64], drive: DriveDescription) -> None
             f"{drive.file}: up: {drive.up}, world_up: {drive.world_up}; with these, scans are "
             f"tilted by {tilt:.0f}° in half of the poses, expected at most 60°. Set up to the axis "
             "of the scans that points up, and world_up to that of the poses' world"
+            + ("; quaternions are read as qx qy qz qw" if drive.pose_format == "tum" else "")
         )
 
 
@@ -189,9 +187,8 @@ def _rigid(poses: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
     bad = np.flatnonzero(~rigid_rows(poses))
     if len(bad):
         raise DataError(
-            f"{path}: pose {bad[0] + 1} of {len(poses)} is not rigid ({len(bad)} are not); "
-            "expected finite numbers and a rotation. Check pose_format, or remove the pose and "
-            "its scan"
+            f"{path}: pose {bad[0] + 1} of {len(poses)} is not rigid ({len(bad)} are not): "
+            f"{rotation_problem(poses[bad[0]])}. Check pose_format, or remove the pose and its scan"
         )
     return poses
 

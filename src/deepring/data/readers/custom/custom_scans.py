@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.data.scans.scan_files import read_scan
+from deepring.data.scans.returns import scan_from
+from deepring.data.scans.scan_files import scan_records
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError
 
@@ -47,24 +48,23 @@ class CustomScans:
     @property
     def decoding(self) -> str:
         """Name of the decoding, for `Session`."""
-        return f"custom {astuple(self)}"
+        return f"custom, whole files {astuple(self)}"
 
     def __call__(self, path: Path) -> Points:
         """Points (m, 3) float32, metres, z up.
 
-        Drops missing returns, which are (0, 0, 0), NaN or infinite. Raises BrokenScanError for a
-        file that cannot be decoded, or if no point is left.
+        Missing returns are included, as NaN. Raises BrokenScanError for a file that cannot be
+        decoded, or if no point is left.
         """
-        points = read_scan(path, self.format)
-        valid = points[np.isfinite(points).all(axis=1) & points.any(axis=1)]
-        upright = valid @ UP[self.up].T.astype(np.float32)
+        points, missing = scan_from(scan_records(path, self.format), path)
+        upright = points @ UP[self.up].T.astype(np.float32)
         inside = upright[self._inside(upright)]
         if not len(inside):
             raise BrokenScanError(
-                f"{path}: {len(points)} points, {len(valid)} of them valid, but none within "
-                "z_band, azimuth and range; check the file and these keys"
+                f"{path}: {len(points)} points, none within z_band, azimuth and range; check the "
+                "file and these keys"
             )
-        return np.ascontiguousarray(inside)
+        return np.concatenate([inside, np.full((missing, 3), np.nan, dtype=np.float32)])
 
     def _inside(self, points: Points) -> NDArray[np.bool_]:
         x, y, z = points.T.astype(np.float64)

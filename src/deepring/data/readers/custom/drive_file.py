@@ -12,11 +12,15 @@ import yaml
 from numpy.typing import NDArray
 
 from deepring import checks
-from deepring.data.poses.pose_tables import poses_from_rows, rigid_rows
+from deepring.data.poses.pose_tables import poses_from_rows
+from deepring.data.poses.rigid import rigid_rows
 from deepring.data.readers import binary_formats
 from deepring.data.readers.custom.custom_scans import UP, Band
 from deepring.data.readers.kitti import read_calibration
+from deepring.data.scans.names import ending_of
 from deepring.errors import ConfigError, FileError
+from deepring.io.text import read_text
+from deepring.io.yaml_aliases import MOST_VALUES, expanded_size
 
 ENDINGS = (".yaml", ".yml")
 POSE_FORMATS = ("kitti", "tum")
@@ -52,7 +56,7 @@ class DriveDescription:
 
 def is_drive_file(root: Path | str) -> bool:
     """True for a file that describes drives, by its name; False for a folder."""
-    return Path(root).suffix in ENDINGS and not Path(root).is_dir()
+    return ending_of(Path(root)) in ENDINGS and not Path(root).is_dir()
 
 
 def read_drives(path: Path | str) -> dict[str, DriveDescription]:
@@ -79,17 +83,19 @@ def read_drives(path: Path | str) -> dict[str, DriveDescription]:
 
 
 def _load(file: Path) -> Any:
+    text = read_text(file, "a YAML file that describes a drive")
     try:
-        return yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not text"
-        raise FileError(
-            f"{file}: cannot be read ({reason}); expected a YAML file that describes a drive"
-        ) from error
+        content = yaml.safe_load(text)
     except Exception as error:  # the library raises many types for invalid tags
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}" if mark is not None else "some line"
         raise ConfigError(f"{file}: invalid YAML at {where}; correct that line") from error
+    if expanded_size(content) > MOST_VALUES:
+        raise ConfigError(
+            f"{file}: aliases that stand for more than {MOST_VALUES} values; expected a few: write "
+            "them out"
+        )
+    return content
 
 
 def _drive(file: Path, name: str, values: dict[Any, Any], prefix: str) -> DriveDescription:

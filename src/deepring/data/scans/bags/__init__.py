@@ -1,0 +1,1 @@
+"""The containers of ROS bags: MCAP, SQLite, ROS 1, and folders of them."""
