@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from deepring.core.arrays import real_array
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError, ConfigError, DataError, DeepringError, FileError
@@ -22,7 +23,7 @@ from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.loops import LoopSettings, find_loops
 from deepring.localization.map import Map
 from deepring.localization.observation import Observation
-from deepring.localization.scan_points import real_array, scan_points
+from deepring.localization.scan_points import scan_points
 from helpers.networks import small_network
 from helpers.scenes import scattered
 

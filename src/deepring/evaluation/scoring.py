@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from deepring.errors import DataError, FileError
+from deepring.errors import DataError, DeepringError, FileError
 from deepring.evaluation.counting import count
 from deepring.evaluation.descriptors import ENDING, DescriptorSet, read_descriptors
 from deepring.evaluation.distances import nearest_distances
@@ -113,15 +113,18 @@ def score_pair(
     Raises as `read_descriptors`, `rebuild_method` and `score_descriptors` do.
     """
     query, database = read_descriptors(pair.query), read_descriptors(pair.database)
-    _check_pair(query, database)  # before a method is built from one of them
-    method = rebuild_method(query.made_by, own_class)
     try:
+        _check_pair(query, database)  # before a method is built from one of them
+        method = rebuild_method(query.made_by, own_class)
         return score_descriptors(method, query, database, radii, progress=progress)
+    except DeepringError as error:
+        files = f"{pair.query} and {pair.database.name}"
+        raise type(error)(f"{files}: {error}", error.argument) from error
     except RuntimeError as error:
         if "meta" not in str(error):
             raise
         raise DataError(
-            f"{_title(query)}: {query.made_by['method']} compares with its weights, which are not "
+            f"{pair.query}: {query.made_by['method']} compares with its weights, which are not "
             "in the files; score them with score_descriptors in Python and the trained network"
         ) from error
 

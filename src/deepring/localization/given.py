@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.core.arrays import real_array
 from deepring.data.poses.rigid import rigid_rows
 from deepring.errors import ConfigError, DataError
-from deepring.localization.scan_points import real_array
 
 
 def given_list(name: str, values: Any, what: str) -> list[Any]:

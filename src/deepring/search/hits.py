@@ -6,8 +6,6 @@ import torch
 from jaxtyping import Float, Float32, Int64
 from torch import Tensor
 
-from deepring.errors import DataError
-
 
 class Hits(NamedTuple):
     """The best places of each query, best first."""
@@ -32,16 +30,6 @@ class Index(Protocol):
     def search(self, queries: Float[Tensor, " q *descriptor"], k: int = 1) -> Hits:
         """The ``k`` most similar places of queries (q, ...), or all if there are fewer."""
         ...
-
-
-def expect_finite(descriptors: Float[Tensor, "..."]) -> Float[Tensor, "..."]:
-    """The descriptors. Raises DataError if a value is not finite, which no place compares with."""
-    if not bool(torch.isfinite(descriptors).all()):
-        raise DataError(
-            "descriptors: values that are not finite, expected numbers; look for a training that "
-            "diverged"
-        )
-    return descriptors
 
 
 class Best:
