@@ -18,6 +18,7 @@ from deepring.evaluation.csv_errors import CSV_ERRORS, csv_reason
 from deepring.evaluation.csv_numbers import real_number, whole_number
 from deepring.evaluation.distances import HasPositions, distances_to
 from deepring.io.files import replacing
+from deepring.io.strict_json import read_json
 from deepring.search.hits import Hits
 from deepring.text import shown
 
@@ -159,11 +160,11 @@ def _case_at(path: Path) -> Case:
     except CSV_ERRORS as error:
         raise FileError(f"{path}: {csv_reason(error)}; {_EXPECTED}") from error
     try:
-        return Case(**json.loads(line.removeprefix("# ")))
-    except (DeepringError, TypeError, ValueError, RecursionError):
+        return Case(**read_json(line.removeprefix("# ")))
+    except (DeepringError, TypeError):
         columns = json.dumps(dict.fromkeys(Case.__dataclass_fields__, "..."))
         raise FileError(
-            f"{path}, line 1: {line.strip()[:80]!r}; expected '# ' and {columns}; {_AGAIN}"
+            f"{path}, line 1: {shown(line.strip(), 80)}; expected '# ' and {columns}; {_AGAIN}"
         ) from None
 
 
@@ -174,7 +175,7 @@ def _parse(
         query, place, score, turn, distance, nearest = row
         angle = _float32(turn) if turn else None
         scans = _scan(query), _scan(place)
-        return *scans, _float32(score), angle, _float32(distance), _float32(nearest)
+        return *scans, _float32(score), angle, _metres(distance), _metres(nearest)
     except ValueError:
         raise FileError(
             f"{path}, line {line}: {shown(','.join(row))}; expected two whole numbers and four "
@@ -197,6 +198,14 @@ def _float32(text: str) -> float:
     value = real_number(text)
     if math.isfinite(value) and abs(value) > _LARGEST:
         raise ValueError("beyond float32")
+    return value
+
+
+def _metres(text: str) -> float:
+    """A distance, which is finite."""
+    value = _float32(text)
+    if not 0 <= value < math.inf:
+        raise ValueError("no distance")
     return value
 
 

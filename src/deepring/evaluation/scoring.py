@@ -164,7 +164,7 @@ def _check_pair(query: DescriptorSet, database: DescriptorSet) -> None:
 
 
 def _check_method(method: Method, descriptors: DescriptorSet) -> None:
-    """Raise DataError unless the method made the descriptors, by its fingerprint.
+    """Raise DataError unless the method made the descriptors, by its fingerprint and their shape.
 
     The version of the rasters is not compared, since no raster is made again; the weights are if
     the method has them.
@@ -183,6 +183,12 @@ def _check_method(method: Method, descriptors: DescriptorSet) -> None:
             f"{_title(descriptors)}: {key} is {shown(value)} for the method and "
             f"{shown(value_there)} for the one that made them; expected the same; take that "
             "method, or export again with this one"
+        )
+    shape, expected = descriptors.descriptors.shape[1:], getattr(method, "descriptor_shape", None)
+    if expected not in (None, shape):
+        raise DataError(
+            f"{_title(descriptors)}: descriptors of shape {shape}, expected {expected}, as the "
+            "method makes them; export them again"
         )
 
 
