@@ -257,7 +257,7 @@ def test_mistakes_are_named(tmp_path):
     index = index_of(maps(5))
     with pytest.raises(DeepringError, match="12 x 6, but the places are 12 x 7"):
         index.search(maps(1, cols=6))
-    with pytest.raises(DeepringError, match=r"expected \(n, θ, ω\)"):
+    with pytest.raises(DeepringError, match=r"expected descriptors \(n, θ, ω\)"):
         index.add(maps(5)[0])
     with pytest.raises(DeepringError, match="k: 0"):
         index.search(maps(1), k=0)

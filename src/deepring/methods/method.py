@@ -10,6 +10,7 @@ from torch import Tensor
 
 from deepring.errors import FileError
 from deepring.io.typed import typed_values
+from deepring.methods.given import check_calls
 from deepring.methods.registry import method_class
 from deepring.progress import Progress
 from deepring.rasters import Raster, make_raster
@@ -62,10 +63,15 @@ class Method(Protocol):
 class FixedMethod:
     """Base of methods that learn nothing: made of a raster and of plain keyword values.
 
-    Those values are the object's public attributes, and with the raster its fingerprint.
+    Those values are the object's public attributes, and with the raster its fingerprint. Its
+    ``describe`` and ``compare`` take whatever is like their arrays, and raise DataError otherwise.
     """
 
     raster: Raster
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        check_calls(cls)
 
     @classmethod
     def from_fingerprint(cls, made_by: dict[str, Any]) -> Self:

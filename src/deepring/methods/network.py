@@ -14,6 +14,7 @@ from deepring.checks import of_type
 from deepring.errors import ConfigError
 from deepring.io.typed import plain, typed
 from deepring.methods import registry
+from deepring.methods.given import check_calls, given_rasters
 from deepring.methods.method import Comparison
 from deepring.rasters import Raster, make_raster
 
@@ -72,6 +73,10 @@ class NetworkMethod(nn.Module, ABC):
 
     settings_class: ClassVar[type[PlainSettings]]
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        check_calls(cls)
+
     def __init__(self, settings: PlainSettings, kind: type[Raster] | None = None) -> None:
         super().__init__()
         self.settings = settings
@@ -121,7 +126,11 @@ class NetworkMethod(nn.Module, ABC):
     def describe(
         self, rasters: Shaped[Tensor, " batch *raster"]
     ) -> Float[Tensor, " batch *descriptor"]:
-        """`forward` in evaluation mode, on the network's device; descriptors come back on it."""
+        """`forward` in evaluation mode, on the network's device; descriptors come back on it.
+
+        Whatever is like an array (b, *raster.shape) is taken. Raises DataError for anything else.
+        """
+        rasters = given_rasters(self.raster, rasters)
         training = self.training
         self.eval()
         try:

@@ -31,7 +31,9 @@ def register_method(name: str, cls: type) -> None:
 
     Raises ConfigError for a name that is no Python identifier, or that another class has.
     """
-    if not name.isidentifier():
+    if not isinstance(cls, type):
+        raise ConfigError(f"cls: a {type(cls).__name__}, expected the class of a method")
+    if not isinstance(name, str) or not name.isidentifier():
         raise ConfigError(f"name: {name!r}, expected letters, digits and underscores, as 'mine'")
     if class_path(cls) != _path_of(_METHODS.get(name, cls)):
         raise ConfigError(

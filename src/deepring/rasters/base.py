@@ -63,12 +63,17 @@ class Raster(ABC):
     def rasterize(self, points: NDArray[np.float32]) -> NDArray[Any]:
         """Array of preprocessed points (n, 3), z above the ground."""
 
-    def __call__(self, points: NDArray[np.float32], ground_z: float) -> NDArray[Any]:
+    def __call__(self, points: Any, ground_z: float) -> NDArray[Any]:
         """Array of a whole scan.
 
         Args:
-            points: (n, >=3) float32, metres, in the scan's frame.
+            points: (n, >=3), metres, in the scan's frame: anything like an array of real numbers.
+                Points that are not finite in float32 do not count.
             ground_z: z of the ground under the sensor in that frame, metres.
+
+        Raises:
+            ConfigError: a ``ground_z`` that is no finite number.
+            DataError: points of another shape or type.
         """
         return self.rasterize(self.preprocessing(points, ground_z))
 

@@ -25,6 +25,7 @@ from deepring.search.code import (
     expect_shape,
     fit_code,
 )
+from deepring.search.given import given_descriptors
 from deepring.search.hits import Best, Hits
 from deepring.search.shards import INDEX, Shard, expect_block, read_shards, write_shard
 from deepring.search.spectra import Precision, encode, padded_spectra
@@ -112,16 +113,17 @@ class CorrelationIndex:
 
     def add(self, descriptors: Float[Tensor, "..."]) -> None:
         """Add places. The first ones added determine the code of all."""
-        descriptors = self._checked(descriptors)
+        descriptors = self._checked("descriptors", descriptors)
         if not len(descriptors):
             return
         spectra = encode(descriptors, self.settings.precision)
         rows = spectra._asdict()
+        code = self.code
         if self.settings.code is not None:
-            if self.code is None:
-                self.code = fit_code(descriptors, self.settings.code)
-            rows["code"] = self.code.encode(descriptors)
+            code = code or fit_code(descriptors, self.settings.code)
+            rows["code"] = code.encode(descriptors)
         self.places.add(rows)
+        self.code, self.shape = code, (descriptors.shape[1], descriptors.shape[2])
 
     def mark(self) -> tuple[Any, ...]:
         """The present places, to which `rewind` goes back."""
@@ -147,13 +149,23 @@ class CorrelationIndex:
             k: number of places.
             exhaustive: compare all places; by default if there are at most ``exhaustive_below``.
             before: ignore this place and those added after it.
+
+        Raises:
+            ConfigError: a ``k`` below 1, a ``before`` below 0, or a search by codes where the index
+                stores none.
+            DataError: queries of another shape than the places, or that are not finite.
         """
         count("k", k)
-        queries = self._checked(queries)
+        if before is not None:
+            count("before", before, 0)
+        queries = self._checked("queries", queries)
         if exhaustive is None:
             exhaustive = self.code is None or len(self) <= self.settings.exhaustive_below
-        number = len(self) if before is None else max(0, min(before, len(self)))
-        if exhaustive:
+        number = len(self) if before is None else min(before, len(self))
+        k = min(k, max(1, number))
+        if not number:
+            best = Best(len(queries), k, self.device)
+        elif exhaustive:
             which = None if before is None else torch.arange(number, device=self.device)
             best = self._exact(padded_spectra(queries), k, which)
         elif self.code is None:
@@ -164,9 +176,8 @@ class CorrelationIndex:
             best = self._among_candidates(queries, self.code, k, number)
         if not bool((torch.isfinite(best.score) & (best.place >= 0)).all()):
             raise DataError(
-                "index: places or queries whose similarity is no finite number; expected "
-                "descriptors of finite numbers; look for a training that diverged, or build the "
-                "index again"
+                "index: places whose similarity is no finite number, expected finite descriptors; "
+                "build the index again"
             )
         turn = shift_to_turn(best.shift, queries.shape[-2], self.period)
         return Hits(best.place, best.score / self.cells, turn)
@@ -291,15 +302,6 @@ class CorrelationIndex:
         assert self.shape is not None
         return self.shape[0]
 
-    def _checked(self, descriptors: Float[Tensor, "..."]) -> Float32[Tensor, "n theta omega"]:
-        if descriptors.ndim != 3:
-            raise DataError(f"descriptors: shape {tuple(descriptors.shape)}, expected (n, θ, ω)")
-        shape = (descriptors.shape[1], descriptors.shape[2])
-        if self.shape is None:
-            self.shape = shape
-        if shape != self.shape:
-            raise DataError(
-                f"descriptors: {shape[0]} x {shape[1]}, but the places are {self.shape[0]} x "
-                f"{self.shape[1]}; describe both by one method"
-            )
+    def _checked(self, name: str, values: Any) -> Float32[Tensor, "n theta omega"]:
+        descriptors = given_descriptors(name, values, self.shape, ("θ", "ω"))
         return descriptors.to(self.device, torch.float32)

@@ -16,7 +16,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from deepring.checks import one_of
+from deepring.checks import of_type, one_of
 from deepring.data.readers.reader import BinaryScans, LayoutError, Reader, existing_root
 from deepring.data.scans.names import ending_of
 from deepring.data.session import Session
@@ -30,7 +30,8 @@ _registered: dict[str, Reader] = {}
 
 
 def register_reader(reader: Reader) -> None:
-    """Register a reader by its name. Raises ConfigError for an existing name."""
+    """Register a reader by its name. Raises ConfigError for an existing name, or no reader."""
+    of_type("reader", reader, Reader)
     if reader.name in reader_names():
         raise ConfigError(
             f"reader.name: {reader.name!r}, expected a name other than {', '.join(reader_names())}"
