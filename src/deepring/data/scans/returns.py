@@ -23,7 +23,8 @@ def is_return(records: NDArray[np.floating]) -> NDArray[np.bool_]:
 
     Sensors and file formats write a beam without a return as NaN, infinity or (0, 0, 0).
     """
-    mask: NDArray[np.bool_] = np.isfinite(records).all(axis=1) & records.any(axis=1)
+    with np.errstate(invalid="ignore"):  # some NaN raise it
+        mask: NDArray[np.bool_] = np.isfinite(records).all(axis=1) & records.any(axis=1)
     return mask
 
 
