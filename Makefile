@@ -7,14 +7,15 @@ SEED ?= 0
 DEMO_DATA := outputs/datasets/sim_nclt$(if $(filter-out 0,$(SEED)),_seed$(SEED))
 
 MUTANTS ?=
+INPUTS ?= 20000
 SEEDS ?= 0 1 2
 comma := ,
 nothing :=
 space := $(nothing) $(nothing)
 SWEEP := seed=$(subst $(space),$(comma),$(strip $(SEEDS))) hydra/launcher=joblib
 
-.PHONY: help install demo ablations compare weights test test-slow kill lint coverage mutation hooks \
-  bench clean
+.PHONY: help install demo ablations compare weights test test-slow kill fuzz lint coverage mutation \
+  hooks bench clean
 
 help:
 	@echo "make demo       simulate, train, evaluate, print the results (SEED=0)"
@@ -27,6 +28,7 @@ help:
 	@echo "make lint       formatting, lint, types and import directions, without tests"
 	@echo "make coverage   the default tests with coverage of the package, lines and branches"
 	@echo "make mutation   mutants of core/ and the metrics that no test kills (MUTANTS='deepring.core.radon*')"
+	@echo "make fuzz       damaged and forged files of every format (SEEDS='0 1 2' INPUTS=20000)"
 	@echo "make hooks      run make lint's checks before every commit (pre-commit)"
 	@echo "make bench      all stages beside the usual routes, to outputs/bench (BENCH='--most 1000000')"
 	@echo "make clean      remove .venv and caches; outputs/ stays"
@@ -105,6 +107,10 @@ mutation: install
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[mutation]'
 	$(BIN)/mutmut run $(MUTANTS)
 	$(BIN)/mutmut results | grep -v 'not checked'
+
+fuzz: SEEDS := $(if $(filter file,$(origin SEEDS)),0,$(SEEDS))
+fuzz: install
+	OMP_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m fuzz --seeds $(SEEDS) --inputs $(INPUTS)
 
 hooks: install
 	$(BIN)/pre-commit install

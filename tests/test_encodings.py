@@ -21,8 +21,9 @@ def unstated(source: str) -> Iterator[int]:
             continue
         strings = [a.value for a in node.args if isinstance(a, ast.Constant)]
         mode = next((str(s) for s in strings if set(str(s)) <= set("rwxabt+")), None)
-        bare = isinstance(node.func, ast.Name)
-        opens = bare or mode is not None or name_of(node.func) != "open"  # Map.open opens no text
+        name, bare = name_of(node.func), isinstance(node.func, ast.Name)
+        # Neither `Map.open` nor a function of one's own called `read_text` is Python's.
+        opens = not bare if name.endswith("_text") else bare or mode is not None or name != "open"
         stated = any(keyword.arg == "encoding" for keyword in node.keywords)
         if opens and not stated and "b" not in (mode or ""):
             yield node.lineno

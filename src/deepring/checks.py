@@ -4,10 +4,12 @@ Every message states the name, the value, and what was expected.
 """
 
 import math
+import sys
 from collections.abc import Collection
 from typing import Any, TypeVar, get_args
 
 from deepring.errors import ConfigError
+from deepring.text import shown
 
 T = TypeVar("T")
 
@@ -24,7 +26,7 @@ def one_of(name: str, value: T, choices: Any) -> T:
     options: Collection[Any] = get_args(choices) or choices
     # Not ``value in options``: a list cannot be looked up in a set, and True equals 1.
     if not any(type(value) is type(option) and value == option for option in options):
-        raise ConfigError(f"{name}: {value!r}, expected one of {', '.join(map(str, options))}")
+        raise ConfigError(f"{name}: {shown(value)}, expected one of {', '.join(map(str, options))}")
     return value
 
 
@@ -36,7 +38,7 @@ def number(name: str, value: float, unit: str = "") -> float:
     deepring.errors.ConfigError: ground_z: nan, expected a finite number of metres
     """
     if not is_number(value):
-        raise ConfigError(f"{name}: {value!r}, expected {_number(unit, 'finite ')}")
+        raise ConfigError(f"{name}: {shown(value)}, expected {_number(unit, 'finite ')}")
     return value
 
 
@@ -48,7 +50,7 @@ def positive(name: str, value: float, unit: str = "") -> float:
     deepring.errors.ConfigError: reach: 0, expected a number of metres above 0
     """
     if not is_number(value) or not value > 0:
-        raise ConfigError(f"{name}: {value!r}, expected {_number(unit)} above 0")
+        raise ConfigError(f"{name}: {shown(value)}, expected {_number(unit)} above 0")
     return value
 
 
@@ -60,20 +62,52 @@ def at_least(name: str, value: float, least: float, unit: str = "") -> float:
     deepring.errors.ConfigError: spacing: -1.0, expected a number of metres of at least 0
     """
     if not is_number(value) or value < least:
-        raise ConfigError(f"{name}: {value!r}, expected {_number(unit)} of at least {least:g}")
+        raise ConfigError(f"{name}: {shown(value)}, expected {_number(unit)} of at least {least:g}")
     return value
 
 
-def count(name: str, value: int, least: int = 1) -> int:
-    """Return the value if it is a whole number of at least ``least``.
+def between(name: str, value: float, least: float, most: float, unit: str = "") -> float:
+    """Return the value if it is a number in [``least``, ``most``].
+
+    >>> between("extent", 1e300, 0, 10_000, "metres")
+    Traceback (most recent call last):
+    deepring.errors.ConfigError: extent: 1e+300, expected a number of metres from 0 to 10000
+    """
+    if not is_number(value) or not least <= value <= most:
+        raise ConfigError(
+            f"{name}: {shown(value)}, expected {_number(unit)} from {least:g} to {most:g}"
+        )
+    return value
+
+
+def count(name: str, value: int, least: int = 1, most: int | None = None) -> int:
+    """Return the value if it is a whole number of at least ``least``, and at most ``most``.
 
     >>> count("candidates", 2.0)
     Traceback (most recent call last):
     deepring.errors.ConfigError: candidates: 2.0, expected a whole number of at least 1
     """
-    if not isinstance(value, int) or isinstance(value, bool) or value < least:
-        raise ConfigError(f"{name}: {value!r}, expected a whole number of at least {least}")
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    if whole and most is not None and value > most:
+        raise ConfigError(f"{name}: {shown(value)}, expected at most {most}")
+    if not whole or value < least:
+        raise ConfigError(f"{name}: {shown(value)}, expected a whole number of at least {least}")
     return value
+
+
+def widths(name: str, values: Any) -> tuple[int, ...]:
+    """Return the numbers of channels of a network's layers if there are 1 to 16, of 1 to 8192.
+
+    >>> widths("encoder.widths", [8, 0])
+    Traceback (most recent call last):
+    deepring.errors.ConfigError: encoder.widths: [8, 0], expected 1 to 16 numbers from 1 to 8192
+    """
+    numbers = tuple(values) if isinstance(values, list | tuple) else ()
+    whole = all(isinstance(one, int) and not isinstance(one, bool) for one in numbers)
+    if not 1 <= len(numbers) <= 16 or not whole or not all(1 <= one <= 8192 for one in numbers):
+        listed = shown(list(values) if isinstance(values, tuple) else values)
+        raise ConfigError(f"{name}: {listed}, expected 1 to 16 numbers from 1 to 8192")
+    return numbers
 
 
 def share(name: str, value: float) -> float:
@@ -83,7 +117,7 @@ def share(name: str, value: float) -> float:
     1
     """
     if not is_number(value) or not 0 <= value <= 1:
-        raise ConfigError(f"{name}: {value!r}, expected a share in [0, 1]")
+        raise ConfigError(f"{name}: {shown(value)}, expected a share in [0, 1]")
     return value
 
 
@@ -95,7 +129,7 @@ def fraction(name: str, value: float) -> float:
     deepring.errors.ConfigError: precision: 1.0, expected a share between 0 and 1
     """
     if not is_number(value) or not 0 < value < 1:
-        raise ConfigError(f"{name}: {value!r}, expected a share between 0 and 1")
+        raise ConfigError(f"{name}: {shown(value)}, expected a share between 0 and 1")
     return value
 
 
@@ -108,7 +142,7 @@ def interval(name: str, value: Any, unit: str = "") -> tuple[float, float]:
     pair = tuple(value) if isinstance(value, list | tuple) else ()
     if len(pair) != 2 or not all(map(is_number, pair)) or not pair[0] < pair[1]:
         suffix = f" in {unit}" if unit else ""
-        raise ConfigError(f"{name}: {value!r}, expected [low, high]{suffix} with low < high")
+        raise ConfigError(f"{name}: {shown(value)}, expected [low, high]{suffix} with low < high")
     return pair
 
 
@@ -125,7 +159,9 @@ def is_number(value: Any) -> bool:
     >>> [is_number(value) for value in (0, -1.5, True, math.inf, "1")]
     [True, True, False, False, False]
     """
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    return math.isfinite(value) if isinstance(value, float) else abs(value) <= sys.float_info.max
 
 
 def _number(unit: str, which: str = "") -> str:

@@ -1,14 +1,30 @@
 """Errors that a user can fix. The command line prints them without a traceback."""
 
+from collections.abc import Sequence
+
+from deepring.text import printable
+
+#: Characters of a message; the rest of a longer one is cut off.
+_LONGEST = 4000
+
 
 class DeepringError(ValueError):
     """A user's mistake or unusable input: what is wrong, where, and what to do.
 
-    ``argument`` is the name of the argument to change, so that the command line can name its flag.
+    A message may name files, and hold text out of them: it is one line, and what does not print is
+    escaped.
+
+    Args:
+        message: see above.
+        argument: name of the argument to change, so that the command line can name its flag.
+        lines: further lines below the message.
     """
 
-    def __init__(self, message: str = "", argument: str | None = None) -> None:
-        super().__init__(message)
+    def __init__(
+        self, message: str = "", argument: str | None = None, lines: Sequence[str] = ()
+    ) -> None:
+        text = "\n".join(map(printable, (message, *lines)))
+        super().__init__(text if len(text) <= _LONGEST else f"{text[:_LONGEST]}...")
         self.argument = argument
 
 

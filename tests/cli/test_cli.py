@@ -5,6 +5,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import time
 from functools import partial
 
@@ -148,6 +149,64 @@ def test_two_processes_train_one_network(tiny_nclt, tmp_path):
     assert len(runs) == 1
     assert {"results.csv", "config.yaml"} <= {p.name for p in runs[0].iterdir()}
     assert done.stdout.count("results      ") == 1
+
+
+#: Each way to start the command but the installed one, from another folder than the sources'.
+STARTS = (
+    ("-m", "deepring"),
+    ("-m", "deepring.cli.main"),
+    ("-c", "from deepring.cli.main import main; main()"),
+)
+
+
+@pytest.mark.parametrize("start", STARTS)
+def test_the_module_is_the_command(start, tmp_path):
+    done = subprocess.run(
+        [sys.executable, *start, "--version"], cwd=tmp_path, capture_output=True, check=True
+    )
+    assert done.stdout.decode() == f"deepring {__version__}\n"
+
+
+def test_a_further_process_is_started_as_a_file_with_the_modules_of_the_first(tmp_path):
+    """What Lightning starts for each further process of a distributed training."""
+    (tmp_path / "mine.py").write_text("FOUND = True\n", encoding="utf-8")
+    (tmp_path / "start.py").write_text(
+        """
+import sys
+from deepring.cli.ddp_process import restartable
+from lightning.fabric.strategies.launchers.subprocess_script import _basic_subprocess_cmd
+import json, os, subprocess
+sys.argv[1:] = ["--cfg", "job"]
+sys.path.insert(0, os.getcwd())
+with restartable(["--cfg=job", "data=sim_nclt", "seed=7"]):
+    command = _basic_subprocess_cmd()
+shown = subprocess.run(command, cwd="/", capture_output=True, check=True, text=True).stdout
+assert "seed: 7" in shown
+print(command[1], os.environ["DEEPRING_DDP_PATHS"])
+""",
+        encoding="utf-8",
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "start"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    script, paths = done.stdout.split(maxsplit=1)
+    assert script.endswith("ddp_process.py")
+    assert str(tmp_path) in paths.strip().split(os.pathsep)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", STARTS)
+def test_two_processes_of_a_module_train_one_network(start, tiny_nclt, tmp_path):
+    options = [*SMALL, "trainer.accelerator=cpu", "trainer.devices=2", "trainer.strategy=ddp"]
+    root = os.path.relpath(tiny_nclt, tmp_path)
+    words = ["train", "experiment=demo", f"data.root={root}", *options, "evaluation.figures=false"]
+    done = subprocess.run(
+        [sys.executable, *start, *words], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("results      ") == 1
+    assert "rank" in (done.stderr + done.stdout).lower()
 
 
 @pytest.mark.slow

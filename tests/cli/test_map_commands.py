@@ -380,11 +380,6 @@ def test_too_many_scans_that_cannot_be_used_write_nothing(custom_drive, tmp_path
         done = refused(here(*command, *drive, "new"), "scans cannot be used, expected at most 20%")
         assert done.returncode == 2
     assert {path.name for path in tmp_path.iterdir()} == before
-    options = ["data=custom", "data.root=drive.yaml", "checkpoint=shipped"]
-    options += ["evaluation.regions=[whole]"]
-    options += ["data.split=sessions", "data.database=first", "data.query=second"]
-    done = here("evaluate", *options, "data.spacing.database=0", "data.spacing.query=20")
-    refused(done, "scans cannot be used, expected at most 20%")
 
 
 def test_what_the_reader_skips_is_said(custom_drive, tmp_path, here):

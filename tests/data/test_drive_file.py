@@ -55,6 +55,13 @@ def test_drives_share_the_keys_above_and_may_have_their_own(described, tmp_path)
 SHIFT = np.array([[0.0, -1, 0, 2], [1, 0, 0, 3], [0, 0, 1, 4], [0, 0, 0, 1]])
 
 
+#: Twelve lists, of which each holds the one before ten times.
+LAUGHS = ", ".join(
+    ["&a0 [0, 0, 0, 0, 0, 0, 0, 0, 0, 0]"]
+    + [f"&a{k} [{', '.join(10 * [f'*a{k - 1}'])}]" for k in range(1, 12)]
+)
+
+
 @pytest.mark.parametrize(
     "value",
     [
@@ -141,6 +148,8 @@ def test_a_missing_key_is_asked_for(key, described):
         ("just words", "'just words', expected a mapping"),
         ("scans: [a", "invalid YAML.*line 1"),
         ("scans: a\n\tposes: b", "invalid YAML.*line 2"),
+        (f"range: [{LAUGHS}]", "aliases that stand for more than"),
+        ("range: &a [1, *a]", "aliases that stand for more than"),
         ("scans: !!python/object:os.system x", "invalid YAML"),
         ("sensor_height: !!timestamp x", "invalid YAML"),
         ("a: " + "[" * 1200, "invalid YAML"),

@@ -1,11 +1,15 @@
 """Git LFS pointers are called so, wherever a file is read."""
 
+import numpy as np
 import pytest
 
 from deepring.data.readers import open_session
+from deepring.data.scans.bag_files import bag_scans
 from deepring.data.scans.scan_files import read_scan
 from deepring.errors import BrokenScanError, DeepringError
 from deepring.io.git_lfs import is_lfs_pointer, is_lfs_pointer_file
+from deepring.localization.map import Map
+from helpers.bags import message, write_bag
 
 POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{0:064d}\nsize {{}}\n"
 WORDS = r"is a Git LFS pointer, not the file itself; fetch it with `git lfs pull`"
@@ -36,6 +40,23 @@ def test_scans_of_drives(tmp_path):
         open_session("custom", tmp_path / "drive.yaml")
 
 
+@pytest.mark.parametrize("ending", ["bag", "db3", "mcap", "MCAP"])
+def test_bags(tmp_path, ending):
+    path = tmp_path / f"a.{ending}"
+    path.write_text(POINTER.format(1234567))
+    with pytest.raises(BrokenScanError, match=rf"^bag \S+a\.{ending}: {WORDS}$"):
+        list(bag_scans(path))
+
+
+@pytest.mark.parametrize("mode", [None, "file"])
+def test_files_of_bags_in_folders(tmp_path, mode):
+    folder = write_bag(tmp_path, "folder", {"/points": [message(np.ones((4, 3)))]}, mode=mode)
+    (file,) = folder.glob("drive.db3*")
+    file.write_text(POINTER.format(1234567))
+    with pytest.raises(BrokenScanError, match=rf"^bag \S+drive: drive\.db3\S* {WORDS}$"):
+        list(bag_scans(folder))
+
+
 def test_tables_and_descriptions(tmp_path):
     drive = tmp_path / "drive.yaml"
     drive.write_text(POINTER.format(77))
@@ -51,6 +72,12 @@ def test_tables_and_descriptions(tmp_path):
     (tmp_path / "calib.txt").write_text(POINTER.format(77))
     with pytest.raises(DeepringError, match=rf"calib\.txt: {WORDS}"):
         open_session("kitti", tmp_path)
+
+
+def test_maps(tmp_path):
+    (tmp_path / "a.map").write_text(POINTER.format(1234567))
+    with pytest.raises(DeepringError, match=rf"^map \S+a\.map: {WORDS}$"):
+        Map.open(tmp_path / "a.map")
 
 
 def test_other_files_are_none(tmp_path):

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from deepring.data.readers import open_session
+from deepring.data.scans.bag_files import bag_scans
 from deepring.data.scans.listing import list_scans
 from deepring.data.scans.names import files_with, is_visible
 from deepring.data.scans.records import XYZI
 from deepring.data.scans.scan_files import scan_files
+from helpers.bags import message, write_bag
 from helpers.cli import deepring, refused
 
 SCAN = np.ones((4, 4), "<f4").tobytes()
@@ -71,6 +73,21 @@ def test_bags_are_no_scans_of_a_drive(folder):
         "scans: velodyne\nposes: poses.txt\nformat: kitti\nsensor_height: 1.7\n"
     )
     assert len(open_session("custom", folder.parent / "drive.yaml")) == 2
+
+
+def test_a_bag_does_with_files_of_systems_beside_its_own(tmp_path):
+    bag = write_bag(tmp_path, "folder", {"/points": [message(np.ones((4, 3)))]})
+    (bag / "._drive.db3").write_bytes(b"\0\5\x16\7" + bytes(60))
+    (scan,) = bag_scans(bag)
+    assert len(scan.read()) == 4
+
+
+@pytest.mark.parametrize("kind", ["bag", "mcap", "db3"])
+def test_endings_of_bags_may_be_upper_case(tmp_path, kind):
+    bag = write_bag(tmp_path, kind, {"/points": [message(np.ones((4, 3)))]})
+    upper = bag.rename(tmp_path / f"DRIVE.{kind.upper()}")
+    assert scan_files([tmp_path]) == [upper]
+    assert len(list(bag_scans(upper))) == 1
 
 
 def test_a_file_of_metadata_is_no_scan_even_if_named(folder, tmp_path):

@@ -232,7 +232,19 @@ def test_texts_of_numbers(tmp_path, text, number):
 
 
 @pytest.mark.parametrize(
-    "text", ["1_0", "0x10", "1,5", "one", "1 2", "#", "1.5.2", "\N{ARABIC-INDIC DIGIT ONE}"]
+    "text",
+    [
+        "1_0",
+        "0x10",
+        "1,5",
+        "one",
+        "1 2",
+        "#",
+        "1.5.2",
+        "1\x1c",
+        "1\xa0",
+        "\N{ARABIC-INDIC DIGIT ONE}",
+    ],
 )
 def test_texts_that_are_no_numbers(tmp_path, text):
     (tmp_path / "a.pcd").write_bytes(encoded(FIELDS, [([text], [1], [2])], "ascii"))
@@ -318,7 +330,8 @@ def test_what_is_wrong_is_said(tmp_path, lines, words):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "a header without a line DATA"),
+        (b"", "0 bytes, an empty file"),
+        (b"#", "a header without a line DATA"),
         (b"\x89PNG\r\n\x1a\n\0\0", "the header line"),
         (encoded(FIELDS, ROWS, "binary").replace(b"DATA binary", b"DATA zip"), "DATA zip, not"),
         (encoded(FIELDS, ROWS, "binary_compressed")[:-1], r"\d+ bytes of compressed points, not"),

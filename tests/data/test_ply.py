@@ -150,7 +150,7 @@ WITH_FACE = HEAD.replace("{n}", "0") + "element face 1\nproperty list char int v
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "does not begin with the line 'ply'"),
+        (b"", "0 bytes, an empty file"),
         (b"solid", "does not begin with the line 'ply'"),
         (b"ply\nformat ascii 1.0\n", "a header without end_header"),
         (b"ply\nelement vertex 0\nend_header\n", "format missing"),

@@ -44,6 +44,12 @@ def test_doubles_beyond_floats_are_missing_without_a_warning():
     assert scan.missing == 1
 
 
+def test_a_signalling_nan_is_missing_without_a_warning():
+    records = np.ones((3, 3), np.float32)
+    records.view(np.uint32)[1, 2] = 0x7F800001
+    assert is_return(records).tolist() == [True, False, True]
+
+
 def npy(path, points):
     np.save(path.with_suffix(".npy"), points)
     return read_scan(path.with_suffix(".npy"))

@@ -170,3 +170,26 @@ def test_the_curve_of_a_file_is_that_of_the_whole_matrices(tmp_path):
     for kept in (matches, read):
         own = precision_recall(kept, 12.3)
         assert all(torch.equal(a, b) for a, b in zip(own, whole, strict=True))
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "1,2,0.5,0.1,1e300,3.0",  # beyond float32
+        "99999999999999999999,2,0.5,0.1,1.0,3.0",  # beyond int64
+        "-1,2,0.5,0.1,1.0,3.0",
+        "1,2,,0.1,1.0,3.0",
+    ],
+)
+def test_numbers_that_no_match_has_are_refused_with_their_line(tmp_path, row):
+    path = tmp_path / "a.csv"
+    path.write_text(f"{HEAD}{COLUMNS}1,2,0.5,0.1,1.0,3.0\n{row}\n")
+    with pytest.raises(DeepringError, match=r"a\.csv, line 4: .*expected two whole numbers"):
+        read_matches(path)
+
+
+def test_turns_are_in_each_row_or_in_none(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(f"{HEAD}{COLUMNS}1,2,0.5,0.1,1.0,3.0\n3,4,0.5,,1.0,3.0\n")
+    with pytest.raises(DeepringError, match=r"turns in 1 of 2 rows; expected one in each"):
+        read_matches(path)

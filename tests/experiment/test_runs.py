@@ -124,10 +124,24 @@ def test_nothing_to_show_says_what_was_expected(tmp_path):
         ("config.yaml", "{", r"config\.yaml: .*expected the config of a run"),
         ("config.yaml", "- a", r"config\.yaml: holds a list"),
         ("config.yaml", "a: ${b}", r"config\.yaml: .*expected the config"),
+        ("config.yaml", "a: ${oc.env:HOME}", r"config\.yaml: .*of plain values"),
+        ("config.yaml", "a: !!timestamp 'x'", r"config\.yaml: .*of plain values"),
+        ("config.yaml", f"a: {'9' * 5000}", r"config\.yaml: .*of plain values"),
+        ("config.yaml", f"a: {'[' * 3000}{']' * 3000}", r"config\.yaml: .*of plain values"),
+        ("config.yaml", "method: DeepRING", r"config\.yaml: config\.method: 'DeepRING', expected"),
+        ("config.yaml", "test_data: {a: 3}", r"config\.yaml: config\.test_data\.a: 3, expected"),
+        (
+            "config.yaml",
+            "evaluation: {radii: x}",
+            r"config\.evaluation\.radii: 'x', expected",
+        ),
         ("config.yaml", None, r"config\.yaml: cannot be read"),
         ("results.csv", "a,b\n", r"results\.csv: header"),
         ("versions.json", "{}", r"versions\.json: no git_commit"),
+        ("versions.json", '{"git_commit": []}', r"versions\.json: git_commit: a list"),
         ("status.json", "{", r"status\.json"),
+        ("status.json", '{"error":' * 3000, r"status\.json: JSON: nested too deeply"),
+        ("status.json", '{"state": "finished", "score": NaN}', r"JSON: NaN, expected finite"),
     ],
 )
 def test_a_file_that_cannot_be_read_is_named(tmp_path, file, content, message):
@@ -135,6 +149,15 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path, file, content, message):
     path.unlink() if content is None else path.write_text(content)
     with pytest.raises(DeepringError, match=message):
         find_runs([tmp_path])
+
+
+def test_aliases_of_aliases_are_not_written_out(tmp_path):
+    folder = run_folder(tmp_path / "a")
+    rows = ["&a0 [0, 0, 0, 0, 0, 0, 0, 0, 0, 0]"]
+    rows += [f"&a{k} [{', '.join(10 * [f'*a{k - 1}'])}]" for k in range(1, 12)]
+    (folder / "config.yaml").write_text(f"a: [{', '.join(rows)}]")
+    with pytest.raises(DeepringError, match=r"config\.yaml: is not YAML of plain values"):
+        read_run(folder)
 
 
 def test_every_variant_that_can_be_trained_has_its_row(compose_in, tmp_path):

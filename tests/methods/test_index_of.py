@@ -9,7 +9,13 @@ from deepring.methods.method import Comparison, index_of
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
 from deepring.methods.scan_context import ContextIndex, ScanContext
-from deepring.rasters import BevRaster, ContextRaster, HeightRaster, raster_settings
+from deepring.rasters import (
+    BevRaster,
+    ContextRaster,
+    FeatureBevRaster,
+    HeightRaster,
+    raster_settings,
+)
 from deepring.search.compare_index import CompareIndex
 from deepring.search.correlation_index import CorrelationIndex
 from deepring.search.vector_index import VectorIndex
@@ -76,7 +82,11 @@ METHODS = {
         bevs,
         CompareIndex,
     ),
-    "ring++": (lambda: RingPlusPlus(angles=40, bins=40), features, CorrelationIndex),
+    "ring++": (
+        lambda: RingPlusPlus(FeatureBevRaster(cells=40), 40, 40),
+        features,
+        CorrelationIndex,
+    ),
     "scan context": (
         lambda: ScanContext(ContextRaster(12, 6)),
         heights((12, 6)),

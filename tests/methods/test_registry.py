@@ -137,7 +137,7 @@ def test_what_was_no_network_is_refused():
         make_network({"class": "deepring.methods.deepring.DeepRing"}, weights)
     with pytest.raises(DeepringError, match="Ring learns nothing"):
         make_network({**good, "method": "ring"}, weights)
-    with pytest.raises(DeepringError, match="the weights are not those of 'deepring'"):
+    with pytest.raises(DeepringError, match="the weights are not those of DeepRING"):
         make_network(good, dict(list(weights.items())[1:]))
     with pytest.raises(DeepringError, match=r"settings\.depth: unknown, expected"):
         make_network({**good, "settings": {**good["settings"], "depth": 3}}, weights)

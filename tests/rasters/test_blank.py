@@ -92,6 +92,19 @@ def test_blank_scans_are_left_out_of_training_and_evaluation(kind, tmp_path, cap
         assert "0.npy: nothing stands out" in record.getMessage()
 
 
+def test_blank_rasters_of_earlier_versions_are_not_taken_from_the_cache(tmp_path, monkeypatch):
+    raster, cache = BevRaster(cells=24), RasterCache(tmp_path / "c")
+    clouds = [SCENE * np.float32(1000), SCENE_AND_FLOOR]
+    scans = ScanSet(session(tmp_path, clouds), np.arange(2), -1.7)
+    with monkeypatch.context() as earlier:
+        earlier.setattr(BevRaster, "is_blank", lambda *_: False)
+        assert len(cache.load(scans, raster)[0]) == 2
+    readable, rasters, (reason,) = cache.load(scans, raster)
+    assert readable.indices.tolist() == [1]
+    assert rasters[:].any(dim=(1, 2)).all()
+    assert "look like millimetres" in reason
+
+
 def test_too_many_blank_scans_are_an_error(tmp_path):
     scans = session(tmp_path, [SCENE * np.float32(1000)] * 2 + [SCENE_AND_FLOOR] * 5)
     with pytest.raises(DataError, match=r"queries: 2 or more of 7 scans .* at most 20%.*millimet"):

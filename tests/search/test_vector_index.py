@@ -118,7 +118,7 @@ def test_empty_lots_queries_and_places():
 
 def test_mistakes_are_named():
     index = index_of(vectors(4, 3), "cosine")
-    with pytest.raises(DataError, match="5 numbers, but the places have 3"):
+    with pytest.raises(DataError, match="5 numbers, but the places are 3 numbers"):
         index.search(vectors(1, 5))
     with pytest.raises(ConfigError, match="metric: 'dot', expected one of l2, cosine"):
         VectorIndex("dot")

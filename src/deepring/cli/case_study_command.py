@@ -13,6 +13,7 @@ from rich import box
 from rich.table import Table
 
 from deepring.cli.console import console
+from deepring.cli.options import expect_folder
 from deepring.data.readers import (
     binary_formats,
     detect_format,
@@ -96,8 +97,7 @@ def _check(args: argparse.Namespace) -> None:
             f"translation: {args.translation:g}, expected metres from 0 to {reach:g}; beyond that "
             "a scan leaves its own view"
         )
-    if args.output.exists() and not args.output.is_dir():
-        raise FileError(f"output: {args.output} is a file, expected a folder to write to")
+    expect_folder(args.output)
 
 
 def _source(paths: Sequence[Path], format: str | None, session: str | None) -> Source:

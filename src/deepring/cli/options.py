@@ -1,12 +1,16 @@
 """Options that several commands share: a drive, a network, a new file."""
 
 import argparse
+import errno
+import os
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from deepring.cli.parser import Names, Parser, number
 from deepring.cli.warnings import say_skipped
 from deepring.errors import DataError, FileError
+from deepring.io.files import part_of
 
 if TYPE_CHECKING:
     from deepring.data.session import Session
@@ -109,8 +113,41 @@ def network_of(checkpoint: str) -> "DeepRing":
 
 
 def expect_new(path: Path) -> None:
-    """Raise FileError if the path exists, so that nothing is overwritten."""
-    if path.exists():
+    """Raise FileError if the file exists, so that nothing is overwritten, or cannot be written."""
+    if os.path.lexists(path):
         raise FileError(
             f"output: {path} exists, expected a new file; nothing is overwritten: name another one"
         )
+    expect_writable(path)
+
+
+def expect_folder(path: Path) -> None:
+    """Raise FileError unless files can be written below the path, a folder or one to be made."""
+    if path.exists() and not path.is_dir():
+        raise FileError(f"output: {path} is a file, expected a folder to write to")
+    expect_writable(path)
+
+
+def expect_writable(path: Path) -> None:
+    """Raise FileError unless a file or folder can be written at the path, before any work is done.
+
+    Folders above it that are missing are not made yet. Nothing is left behind.
+    """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise FileError(f"output: {path}, expected a name in UTF-8; name another one") from None
+    above = path.absolute() if path.is_dir() else path.absolute().parent
+    try:
+        part_of(path).exists()  # raises where the name is too long
+        while not above.exists():
+            above = above.parent
+        with tempfile.TemporaryFile(dir=above):
+            pass
+    except OSError as error:
+        reason = {
+            errno.ENAMETOOLONG: "its name is too long",
+            errno.ENOTDIR: f"{above} is a file",
+            errno.ENOSPC: f"no space is left in {above}",
+        }.get(error.errno or 0, f"no file can be made in {above}")
+        raise FileError(f"output: {path} cannot be written: {reason}; name another one") from error

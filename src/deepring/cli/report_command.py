@@ -3,7 +3,7 @@
 import argparse
 
 from deepring.cli.console import console
-from deepring.cli.options import expect_new
+from deepring.cli.options import expect_new, expect_writable
 from deepring.experiment.report import report
 from deepring.io.files import write_whole
 
@@ -13,5 +13,6 @@ def report_command(args: argparse.Namespace) -> None:
     if args.output is not None:
         expect_new(args.output)
     path = args.output or args.run / "report.html"
+    expect_writable(path)
     write_whole(path, [report(args.run, args.failures).encode("utf-8", "backslashreplace")])
     console.print(f"written      {path}")

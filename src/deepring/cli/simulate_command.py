@@ -4,6 +4,7 @@ import argparse
 from dataclasses import fields
 
 from deepring.cli.console import console
+from deepring.cli.options import expect_folder
 from deepring.errors import ConfigError
 from deepring.progress import progress_bar
 from deepring.simulation.settings import SimulationSettings, preset, with_knobs
@@ -14,6 +15,7 @@ def simulate_command(args: argparse.Namespace) -> None:
     """Simulate the dataset unless it exists, and print its folder."""
     knobs = dict(_parse_knob(text) for text in args.knobs)
     settings = with_knobs(preset(args.dataset, args.seed), knobs)
+    expect_folder(args.output)
     with progress_bar(f"simulating {args.dataset} scans") as bar:
         root = simulate(settings, args.output, workers=args.workers, progress=bar)
     console.print(f"dataset      {root}")

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from deepring.checks import one_of
 from deepring.cli.console import console
+from deepring.cli.options import expect_folder
 from deepring.evaluation.matches import FOLDER, matches_in
 from deepring.evaluation.metrics import Over
 from deepring.experiment.runs import find_runs
@@ -27,9 +28,10 @@ from deepring.reports.table import Table, csv, latex, markdown, terminal
 def tables_command(args: argparse.Namespace) -> None:
     """Print the tables of finished runs, and write them."""
     over = one_of("over", args.over, Over)
+    folder = args.output or args.paths[0] / "tables"
+    expect_folder(folder)
     collection = find_runs(args.paths)
     runs = collection.runs
-    folder = args.output or args.paths[0] / "tables"
     options = {"mix": args.mix, "notes": collection.notes}
     if is_comparison(runs):
         _show_comparison(compare(runs, args.radius, over, **options), runs, folder)

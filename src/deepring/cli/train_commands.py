@@ -15,11 +15,11 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from deepring.cli.console import console
+from deepring.cli.ddp_process import restartable
 from deepring.cli.mistakes import INTERRUPTED, is_mistake, report_mistakes
 from deepring.cli.output_streams import open_streams
 from deepring.cli.overrides import checked, is_sweep, quoted, value_of
 from deepring.cli.process import tune_process
-from deepring.cli.visible import visible
 from deepring.errors import ConfigError
 from deepring.evaluation.results import Result
 from deepring.experiment.config import EvaluationSettings, check_config
@@ -35,6 +35,7 @@ from deepring.experiment.sweep_outcomes import (
 )
 from deepring.progress import silence
 from deepring.reports.results_table import render, render_radii
+from deepring.text import printable
 
 #: Config keys of the library's arguments, by name.
 _KEYS = {
@@ -82,7 +83,7 @@ def report_sweep(outcomes: SweepOutcomes) -> int:
     finished, failed = outcomes.finished, outcomes.failed
     console.print(f"sweep        {len(finished)} of {len(finished) + len(failed)} jobs finished")
     for folder, error in failed:
-        print(visible(f"failed       {folder.name}: {error}"), file=sys.stderr)
+        print(printable(f"failed       {folder.name}: {error}"), file=sys.stderr)
     if finished:
         sweep = _from_here(finished[0].parent)
         if any((folder / "results.csv").is_file() for folder in finished):
@@ -103,14 +104,13 @@ def run_of(checkpoint: Path) -> Path | None:
 def _run_hydra(
     name: str, task: Callable[[DictConfig], float | None], arguments: Sequence[str]
 ) -> None:
-    # DDP starts its other processes as `python argv[0] argv[1:]`.
-    sys.argv = [str(Path(__file__).with_name("ddp_process.py")), *arguments]
     # With it, Hydra raises its errors, and `main` prints them like ours.
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")
     register_configs()
     compose = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=name)
     try:
-        compose(task)()
+        with restartable(arguments):
+            compose(task)()
     except Exception as error:
         mistake = config_mistake(error, [text for text in arguments if not text.startswith("-")])
         if mistake is None:

@@ -7,7 +7,10 @@ import torch
 from jaxtyping import Complex64, Float, Float32, Int64
 from torch import Tensor
 
+from deepring.checks import one_of
 from deepring.core import fourier
+from deepring.core.arrays import real_tensor
+from deepring.errors import DataError
 
 Form = Literal["paper", "published"]
 """Eq. 8 of the paper, or the correlation of the authors' code (lus6-Jenny/RING)."""
@@ -104,7 +107,16 @@ def circular_cross_correlation(
     >>> place = torch.tensor([[[2.0], [1.0], [0.0], [0.0]]])
     >>> circular_cross_correlation(place.roll(1, dims=-2), place).shift
     tensor([[1]])
+
+    Raises DataError for descriptors of different shapes, or nothing like an array of real numbers.
     """
+    queries, database = real_tensor("queries", queries), real_tensor("database", database)
+    if queries.ndim != 3 or database.ndim != 3 or queries.shape[1:] != database.shape[1:]:
+        raise DataError(
+            f"queries {tuple(queries.shape)}, database {tuple(database.shape)}: expected (q, θ, ω) "
+            "and (d, θ, ω) with the same θ and ω"
+        )
+    one_of("form", form, Form)
     curves = correlation_curves if form == "paper" else magnitude_correlation_curves
     return Match(*curves(queries, database).max(dim=-1))
 

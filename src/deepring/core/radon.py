@@ -16,6 +16,7 @@ from jaxtyping import Float, Float32, Shaped
 from torch import Tensor
 
 from deepring import checks
+from deepring.core.arrays import real_tensor
 from deepring.errors import ConfigError, DataError
 
 ThetaRange = Literal["full", "half"]
@@ -48,8 +49,8 @@ def radon(
             and rows that pass the end come back flipped in τ.
 
     Raises:
-        DataError: images that are not square.
-        ConfigError: an unknown theta_range, or an impossible number of angles.
+        DataError: images that are not square, or nothing like an array of real numbers.
+        ConfigError: an unknown theta_range, or an impossible number of angles or bins.
 
     >>> image = torch.zeros(4, 4)
     >>> image[3, 0] = 1.0  # x forward, y to the right
@@ -59,6 +60,7 @@ def radon(
             [0.5000, 0.0000, 0.0000, 0.0000],
             [0.0000, 0.0000, 0.0000, 0.5000]])
     """
+    image = real_tensor("radon: image", image)
     if image.ndim < 2 or image.shape[-1] != image.shape[-2]:
         raise DataError(f"radon: image of shape {tuple(image.shape)}, expected (..., n, n)")
     checks.one_of("radon.theta_range", theta_range, ThetaRange)
@@ -66,7 +68,8 @@ def radon(
         raise ConfigError(f"radon.angles: {angles}, expected an even number over a full turn")
     count = angles // 2 if theta_range == "full" else angles
     size = image.shape[-1]
-    bins = size if bins is None else bins
+    bins = size if bins is None else checks.count("radon.bins", bins)
+    checks.positive("radon.extent", extent, "metres")
     batch = image.reshape(-1, size, size)
     compiled = batch.device.type == "cpu" and not (batch.requires_grad and torch.is_grad_enabled())
     if compiled:

@@ -5,6 +5,8 @@ from jaxtyping import Float, Float32
 from torch import Tensor
 
 from deepring.core import fourier
+from deepring.core.arrays import real_tensor
+from deepring.errors import DataError
 
 
 def row_dft_magnitude(
@@ -19,7 +21,12 @@ def row_dft_magnitude(
     >>> row = torch.tensor([[4.0, 0.0, 0.0, 0.0]])
     >>> row_dft_magnitude(row), row_dft_magnitude(row.roll(1, dims=-1))
     (tensor([[2.0000, 2.8284, 2.0000]]), tensor([[2.0000, 2.8284, 2.0000]]))
+
+    Raises DataError for what is nothing like an array (..., θ, τ) of real numbers.
     """
+    feature = real_tensor("feature", feature)
+    if feature.ndim < 1 or not feature.shape[-1]:
+        raise DataError(f"feature: shape {tuple(feature.shape)}, expected (..., θ, τ)")
     magnitude = fourier.rfft(feature.float(), dim=-1, norm="ortho").abs()
     return magnitude * _weights(feature.shape[-1]).to(magnitude.device)
 

@@ -6,20 +6,23 @@ import platform
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import metadata
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import lightning as L
+import yaml
 from lightning.pytorch.callbacks import Callback
 from lightning.pytorch.utilities import rank_zero_only
 from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
-from deepring.errors import FileError
+from deepring.errors import ConfigError, FileError
 from deepring.io.files import replacing
+from deepring.io.text import read_text
+from deepring.io.typed import typed, typed_values
+from deepring.io.yaml_aliases import MOST_VALUES, expanded_size
 
 PACKAGES = ("deepring", "torch", "lightning", "hydra-core", "torchmetrics", "numpy", "scipy")
 
@@ -45,20 +48,40 @@ def open_run_folder(record: Mapping[str, Any], folder: Path) -> None:
 def read_config(path: Path) -> dict[str, Any]:
     """The config of a run, as plain values.
 
-    Raises FileError if the file cannot be read or holds no config.
+    Raises FileError if the file cannot be read, holds no config, or one with values of other types
+    than those by which runs are compared.
     """
+    text = read_text(path, _CONFIG)
     try:
-        config = OmegaConf.to_container(OmegaConf.load(path), resolve=True)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror}); {_EXPECTED}") from None
-    except (OmegaConfBaseException, YAMLError, UnicodeDecodeError):
-        raise FileError(f"{path}: is not YAML that can be resolved; {_EXPECTED}") from None
+        # What was recorded is resolved. Another's file must not ask for this machine's variables.
+        if "${" in text or expanded_size(yaml.safe_load(text)) > MOST_VALUES:
+            raise ValueError("interpolations, or aliases within aliases")
+        config = OmegaConf.to_container(OmegaConf.load(StringIO(text)))
+    except Exception:  # invalid tags, numbers and nestings raise many types beside YAMLError
+        raise FileError(f"{path}: is not YAML of plain values; {_EXPECTED}") from None
     if not isinstance(config, dict) or not config:
         raise FileError(f"{path}: holds a {type(config).__name__}; {_EXPECTED}")
-    return {str(key): value for key, value in config.items()}
+    values = {str(key): value for key, value in config.items()}
+    compared = {key: values[key] for key in _COMPARED if key in values}
+    try:
+        typed_values(_COMPARED, compared, "config")
+        typed(Sequence[float] | None, (values.get("evaluation") or {}).get("radii"), _RADII)
+    except ConfigError as error:
+        raise FileError(f"{path}: {error}; {_EXPECTED}") from None
+    return values
 
 
-_EXPECTED = "expected the config of a run; delete that folder to begin it again, or leave it out"
+_NODE = dict[str, Any] | None
+_NODES = dict[str, _NODE] | None
+
+#: The types of what tables and reports look up in a config.
+_COMPARED: dict[str, Any] = {
+    **dict.fromkeys(("data", "method", "evaluation", "preprocessing"), _NODE),
+    **dict.fromkeys(("train_data", "test_data", "methods"), _NODES),
+}
+_RADII = "config.evaluation.radii"
+_CONFIG = "the config of a run; delete that folder to begin it again, or leave it out"
+_EXPECTED = f"expected {_CONFIG}"
 
 
 def is_first_process() -> bool:

@@ -12,6 +12,7 @@ from filelock import FileLock, Timeout
 from deepring import checks
 from deepring.errors import DataError, DeepringError, FileError, StoppedError
 from deepring.io.files import replacing
+from deepring.io.strict_json import read_json
 
 State = Literal["running", "finished", "failed", "interrupted"]
 
@@ -36,7 +37,7 @@ def read_status(folder: Path) -> Status | None:
     """
     path = folder / "status.json"
     try:
-        return _checked(Status(**json.loads(path.read_text(encoding="utf-8"))))
+        return _checked(Status(**read_json(path.read_text(encoding="utf-8"))))
     except FileNotFoundError:
         return None
     except DeepringError as error:
@@ -56,7 +57,7 @@ def _checked(status: Status) -> Status:
     if not isinstance(status.error, str | None):
         raise DataError(f"error: {status.error!r}, expected text")
     for name, value in numbers.items():
-        if not isinstance(value, float | int | None):
+        if value is not None and not checks.is_number(value):
             raise DataError(f"{name}: {value!r}, expected a number")
     return status
 

@@ -7,7 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,10 +37,13 @@ class OutcomesFolder(Callback):
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
         """Runs in the process that starts the jobs; they inherit its environment.
 
-        Hydra turns an error here into a warning; the first job meets and reports it then.
+        A folder that cannot be made is told by the first job, since Hydra would turn an error here
+        into a warning.
         """
-        if OUTCOMES not in os.environ:  # else it is started again, after a process was killed
-            sweep = Path(config.hydra.sweep.dir).resolve()
+        if OUTCOMES in os.environ:  # it is started again, after a process was killed
+            return
+        sweep = Path(config.hydra.sweep.dir).resolve()
+        with suppress(OSError):
             sweep.mkdir(parents=True, exist_ok=True)
             os.environ[OUTCOMES] = tempfile.mkdtemp(prefix=".outcomes-", dir=sweep)
 

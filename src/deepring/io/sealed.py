@@ -5,7 +5,10 @@ that header as JSON text. The header holds the kind of the file, the version of 
 plain values, and dtype, shape and SHA-256 of every tensor. Maps, networks, indexes and descriptors
 are such files, each with its own `SealedFormat`.
 
-Files are memory-mapped when opened. Their contents are never executed or imported.
+Digests tell that a file is whole, not that it means well: whoever makes a file makes its digests,
+too. Hence types, shapes and ranges are checked as well when a file is opened, the ranges of plain
+values by the dataclass of the header. Files are memory-mapped; their contents are never executed or
+imported.
 """
 
 import hashlib
@@ -18,8 +21,11 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from deepring.errors import ConfigError, DataError, DeepringError, FileError
 from deepring.io.files import replacing
-from deepring.io.tensor_types import TensorTypes, check_tensors, dtype_of
+from deepring.io.git_lfs import LFS_POINTER, is_lfs_pointer_file
+from deepring.io.strict_json import read_json
+from deepring.io.tensor_types import TensorTypes, check_tensors, check_values, dtype_of
 from deepring.io.typed import field_values, typed
+from deepring.text import shown
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -65,13 +71,15 @@ class Sealed(Generic[H]):
     tensor_digests: dict[str, str]
 
     def verify(self) -> None:
-        """Read and verify every byte. Raises FileError for an altered tensor."""
+        """Read and verify every byte and value. Raises FileError for an altered tensor."""
         for name, tensor in self.tensors.items():
             if _tensor_digest(tensor) != self.tensor_digests[name]:
                 raise FileError(
                     f"{self.format.kind} {self.path}: the tensor {name} was altered; expected the "
                     f"bytes that were written; copy it again, or {self.format.remedy}"
                 )
+        with self.contents():
+            check_values(self.tensors, self.format.tensors, every=True)
 
     @contextmanager
     def contents(self) -> Iterator[None]:
@@ -114,9 +122,9 @@ def write_sealed(
 def open_sealed(path: Path | str, format: SealedFormat[H], *, check: bool = False) -> Sealed[H]:
     """Open a file, memory-mapped.
 
-    Verifies everything except the tensors' bytes, which ``check`` also reads and verifies. Raises
-    FileError for a file that is missing, of another kind or version, truncated, altered, or with
-    contents that do not match the format.
+    Verifies everything except the tensors' bytes and the values of large ones, which ``check`` also
+    reads and verifies. Raises FileError for a file that is missing, of another kind or version,
+    truncated, altered, or with contents that do not match the format.
     """
     path = Path(path)
     if not path.is_file():
@@ -132,6 +140,7 @@ def open_sealed(path: Path | str, format: SealedFormat[H], *, check: bool = Fals
         }:
             raise DataError("tensors differ from those in its header")
         check_tensors(tensors, format.tensors)
+        check_values(tensors, format.tensors)
         header = typed(format.header, contents.values, "header")
     digests = {name: entry.sha256 for name, entry in contents.tensors.items()}
     file = Sealed(path, format, header, tensors, _sha256(text.encode()), digests)
@@ -169,10 +178,12 @@ def _header_text(format: SealedFormat[H], header: H, tensors: "Mapping[str, Tens
         "values": header,
     }
     try:
-        text = json.dumps(contents, sort_keys=True, default=field_values)
+        text = json.dumps(contents, sort_keys=True, default=field_values, allow_nan=False)
     except (TypeError, ValueError) as error:
-        raise ConfigError("header: a value without a JSON form, expected plain values") from error
-    typed(format.header, json.loads(text)["values"], "header")
+        raise ConfigError(
+            "header: a value without a JSON form, expected plain values and finite numbers"
+        ) from error
+    typed(format.header, read_json(text)["values"], "header")
     return text
 
 
@@ -185,6 +196,8 @@ def _read(path: Path, format: SealedFormat[Any]) -> "tuple[dict[str, str], dict[
             tensors = {name: file.get_tensor(name) for name in sorted(file.keys())}
             return file.metadata() or {}, tensors
     except Exception as error:  # the libraries raise many types for a damaged file
+        if is_lfs_pointer_file(path):
+            raise FileError(f"{format.kind} {path}: {LFS_POINTER}") from error
         raise FileError(
             f"{format.kind} {path}: no complete safetensors file: of another type, cut short or "
             f"altered; expected {format.description}; copy it again, or {format.remedy}"
@@ -212,23 +225,24 @@ def _sealed_text(path: Path, format: SealedFormat[Any], metadata: Mapping[str, s
 
 def _header_values(path: Path, format: SealedFormat[Any], text: str) -> Any:
     """The header's values, of this kind and version."""
+    with _named(path, format, format.remedy):
+        values = read_json(text)
     try:
-        values = json.loads(text)
         kind, version = values["kind"], values["version"]
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+    except (KeyError, TypeError) as error:
         raise FileError(
             f"{format.kind} {path}: a header without kind and version; expected "
             f"{format.description}; {format.remedy}"
         ) from error
     if kind != format.kind:
         raise FileError(
-            f"{format.kind} {path}: a file of kind {kind!r}; expected {format.description}; choose "
-            "such a file"
+            f"{format.kind} {path}: a file of kind {shown(kind, 80)}; expected "
+            f"{format.description}; choose such a file"
         )
     if version != format.version or isinstance(version, bool):
         raise FileError(
-            f"{format.kind} {path}: format version {version!r}, expected {format.version}; "
-            f"{format.remedy} with this version of deepring"
+            f"{format.kind} {path}: format version {shown(version, 80)}, expected "
+            f"{format.version}; {format.remedy} with this version of deepring"
         )
     return values
 

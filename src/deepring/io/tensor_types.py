@@ -1,5 +1,6 @@
-"""Specifications of the tensors of a file: names, dtypes and consistent shapes."""
+"""Specifications of the tensors of a file: names, dtypes, consistent shapes, ranges of values."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import EllipsisType
@@ -26,6 +27,10 @@ class TensorType:
     shape: tuple[Size, ...]
     """For example ``("n", 4, 4)``; the last one may be ``...``."""
     optional: bool = False
+    least: float = -math.inf
+    """Smallest value of any element, all of which are finite."""
+    large: bool = False
+    """Whether values are read only where every byte of a file is."""
 
     @property
     def dtypes(self) -> tuple[str, ...]:
@@ -67,6 +72,27 @@ def check_tensors(tensors: Mapping[str, "Array"], types: TensorTypes) -> dict[st
                 f"{kind}{where}"
             )
     return sizes
+
+
+def check_values(
+    tensors: "Mapping[str, Tensor]", types: TensorTypes, *, every: bool = False
+) -> None:
+    """Raise DataError for values that are not finite, or below the ``least`` of their type.
+
+    Those of ``large`` tensors are read only with ``every``. Tensors without a type are read.
+    """
+    for name, tensor in tensors.items():
+        kind = types.get(name)
+        if kind is not None and kind.large and not every:
+            continue
+        if not tensor.is_floating_point() or not tensor.numel():
+            continue
+        least = -math.inf if kind is None else kind.least
+        low, high = (float(value) for value in tensor.aminmax())  # NaN, if one is
+        if not (math.isfinite(low) and math.isfinite(high)):
+            raise DataError(f"tensor {name}: values that are not finite, expected finite numbers")
+        if low < least:
+            raise DataError(f"tensor {name}: a value of {low:g}, expected at least {least:g}")
 
 
 def dtype_of(tensor: "Array") -> str:

@@ -8,6 +8,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from deepring.checks import one_of
 from deepring.errors import ConfigError
+from deepring.text import shown
 
 _PLAIN = {
     bool: "true or false",
@@ -161,12 +162,10 @@ def _float(name: str, value: Any) -> float:
         return float(value)
     except OverflowError:
         raise ConfigError(
-            f"{name}: {value!r}, expected a number up to {sys.float_info.max:g}"
+            f"{name}: {shown(value, 80)}, expected a number up to {sys.float_info.max:g}"
         ) from None
 
 
 def _expect(condition: bool, name: str, value: Any, description: str) -> None:
     if not condition:
-        text = repr(value)
-        text = text if len(text) <= 80 else f"{text[:77]}..."
-        raise ConfigError(f"{name}: {text}, expected {description}")
+        raise ConfigError(f"{name}: {shown(value, 80)}, expected {description}")

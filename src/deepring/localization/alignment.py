@@ -16,6 +16,9 @@ from torch import Tensor
 from deepring import checks
 from deepring.errors import ConfigError, DataError
 
+#: Cells along a side of an image or of its transform.
+_LARGEST = 2048
+
 
 @dataclass(frozen=True)
 class AlignmentSettings:
@@ -33,11 +36,13 @@ class AlignmentSettings:
     """Each turn is also tried smaller and larger by this, radians."""
 
     def __post_init__(self) -> None:
-        checks.count("alignment.cells", self.cells)
-        if checks.count("alignment.padded", self.padded, self.cells) % 2:
+        checks.count("alignment.cells", self.cells, most=_LARGEST)
+        if checks.count("alignment.padded", self.padded, self.cells, _LARGEST) % 2:
             raise ConfigError(f"alignment.padded: {self.padded}, expected an even number")
-        for name in ("extent", "blur", "reach", "step"):
-            checks.positive(f"alignment.{name}", getattr(self, name))
+        for name in ("extent", "blur", "reach"):
+            value = checks.positive(f"alignment.{name}", getattr(self, name), "metres")
+            checks.between(f"alignment.{name}", value, 0, 10_000, "metres")
+        checks.between("alignment.step", self.step, math.radians(0.05), math.pi, "radians")
 
     @property
     def cell(self) -> float:

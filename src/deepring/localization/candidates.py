@@ -20,6 +20,9 @@ from deepring.localization.alignment import (
     occupied_cells,
 )
 
+#: Pixels of the transforms of all candidates of a query.
+_PIXELS = 2**25
+
 Rerank = Literal["pose", "locate"]
 """Order by the distance estimated from the scans, or by the position from the map's poses."""
 
@@ -39,7 +42,8 @@ class RerankSettings:
     alignment: AlignmentSettings = field(default_factory=AlignmentSettings)
 
     def __post_init__(self) -> None:
-        checks.count("rerank.candidates", self.candidates)
+        most = _PIXELS // self.alignment.padded**2
+        checks.count("rerank.candidates", self.candidates, most=most)
         checks.positive("rerank.close", checks.share("rerank.close", self.close))
         checks.positive("rerank.apart", self.apart, "metres")
         checks.at_least("rerank.spread", self.spread, 0, "metres")

@@ -19,7 +19,7 @@ from deepring.io.sealed import open_sealed, write_sealed
 from deepring.localization.candidates import RerankSettings, align_candidates, spread_out
 from deepring.localization.given import given_list, given_names, given_path, given_poses
 from deepring.localization.location import AcceptanceThresholds, Location, best_fit
-from deepring.localization.map_file import FORMAT, MapHeader, prefixed, under
+from deepring.localization.map_file import FORMAT, MapHeader, expect_fitting, prefixed, under
 from deepring.localization.observation import Observation, described, observed, occupancy
 from deepring.localization.place_store import PlaceStore
 from deepring.methods.deepring import DeepRing
@@ -268,6 +268,7 @@ class Map:
                 raise ConfigError(f"network: {network.settings.label}, expected DeepRING")
             settings = (header.search, header.rerank, header.thresholds)
             place_map = cls(network, header.ground_z, *settings)
+            expect_fitting(network, header)
             place_map.places.restore(tensors["images"], tensors["poses"], header.names)
             rows, code = under("index.", tensors), under("code.", tensors)
             place_map.index.restore(rows, header.shape, code.get("basis"), code.get("step"))

@@ -6,10 +6,14 @@ from typing import Any
 
 from torch import Tensor
 
+from deepring import checks
+from deepring.errors import DataError
 from deepring.io.sealed import SealedFormat
 from deepring.io.tensor_types import TensorType, TensorTypes
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.location import AcceptanceThresholds
+from deepring.methods.deepring import DeepRing
+from deepring.search.code import expect_shape
 from deepring.search.correlation_index import SearchSettings
 from deepring.search.shards import ROWS
 
@@ -28,6 +32,12 @@ class MapHeader:
     """(θ, ω) of the descriptors; None for a map without places."""
     names: tuple[str, ...]
 
+    def __post_init__(self) -> None:
+        checks.number("ground_z", self.ground_z, "metres")
+        for name in ("fit", "ratio"):
+            checks.at_least(f"thresholds.{name}", getattr(self.thresholds, name), 0)
+        expect_shape(self.shape)
+
 
 #: A map without places has no index.
 _INDEX = {f"index.{name}": replace(kind, optional=True) for name, kind in ROWS.items()}
@@ -37,7 +47,7 @@ TENSORS: TensorTypes = {
     "poses": TensorType("float64", ("n", 4, 4)),
     **_INDEX,
     "code.basis": TensorType("float32", ("ω", "components"), optional=True),
-    "code.step": TensorType("float32", ("frequencies", "components"), optional=True),
+    "code.step": TensorType("float32", ("frequencies", "components"), optional=True, least=1e-36),
     "network.*": None,
 }
 
@@ -49,6 +59,22 @@ FORMAT = SealedFormat(
     description="a map as `deepring map build` writes it",
     remedy="build it again",
 )
+
+
+def expect_fitting(network: DeepRing, header: MapHeader) -> None:
+    """Raise DataError unless a map's descriptors and candidates are those of its network."""
+    if header.shape not in (None, network.descriptor_shape):
+        raise DataError(
+            f"shape: {header.shape}, expected {network.descriptor_shape}, the (θ, ω) that the "
+            "network's descriptors have"
+        )
+    raster, alignment = network.raster, header.rerank.alignment
+    sizes = (getattr(raster, "cells", None), getattr(raster, "extent", None))
+    if header.names and sizes != (alignment.cells, alignment.extent):
+        raise DataError(
+            f"rerank.alignment: images of {alignment.cells} cells over {alignment.extent:g} m, "
+            f"expected those of the network, {sizes[0]} over {sizes[1]:g} m"
+        )
 
 
 def prefixed(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:

@@ -11,6 +11,7 @@ from torch import Tensor
 from deepring.core.rigid import yaw_of
 from deepring.data.packed_rasters import pack, unpack
 from deepring.errors import DataError
+from deepring.localization.given import nearly_rigid
 from deepring.rasters import BevRaster
 from deepring.search.block_store import BlockStore
 
@@ -86,8 +87,15 @@ class PlaceStore:
     def restore(self, images: Tensor, poses: Tensor, names: Sequence[str]) -> None:
         """Take the names, and without a copy what `tensors` gave, which may be memory-mapped.
 
-        Raises DataError as `add` does, and for images of another size.
+        Raises DataError as `add` does, and for images of another size and poses that are not
+        rigid.
         """
+        bad = int((~nearly_rigid(poses.numpy())).sum()) if poses.shape[1:] == (4, 4) else 0
+        if bad or not bool((poses[:, 3:] == torch.eye(4, dtype=poses.dtype)[3]).all()):
+            raise DataError(
+                f"poses: {bad or 'some'} of {len(poses)} are not rigid; expected world <- scan "
+                "transforms: a rotation and a translation"
+            )
         self._rows, self.names = BlockStore(), []
         self._append(images, poses, names, attach=True)
 

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deepring import checks
+from deepring.core.arrays import real_array
 from deepring.core.rigid import FloatArray, pose_from, rotation_from_rpy, yaw_after_turn, yaw_of
 from deepring.errors import ConfigError, DataError
-from deepring.localization.scan_points import real_array, scan_points
+from deepring.localization.scan_points import scan_points
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,23 @@
 """Place-recognition methods: scans become descriptors, and descriptors are compared."""
 
+import inspect
 from collections.abc import Iterator
-from typing import Any, NamedTuple, Protocol, Self, cast, runtime_checkable
+from typing import Any, NamedTuple, Protocol, Self, cast, get_type_hints, runtime_checkable
 
 import torch
 from jaxtyping import Float, Shaped
 from torch import Tensor
 
 from deepring.errors import FileError
+from deepring.io.typed import typed_values
+from deepring.methods.given import check_calls
 from deepring.methods.registry import method_class
 from deepring.progress import Progress
 from deepring.rasters import Raster, make_raster
 from deepring.search.compare_index import CompareIndex
 from deepring.search.correlation_index import SearchSettings
 from deepring.search.hits import Index
+from deepring.text import shown
 
 
 class Comparison(NamedTuple):
@@ -33,6 +37,7 @@ class Method(Protocol):
 
     - ``index(settings=None)``: an index that finds what `compare` finds, see `index_of`;
     - ``from_fingerprint(made_by)``, a classmethod: see `rebuild_method`;
+    - ``descriptor_shape``: the shape of one descriptor; files with others are refused;
     - ``turn_period``, radians: what its turns are known modulo; 2π without it;
     - ``onnx_form()``: see `deepring.methods.onnx_file`.
     """
@@ -58,15 +63,27 @@ class Method(Protocol):
 class FixedMethod:
     """Base of methods that learn nothing: made of a raster and of plain keyword values.
 
-    Those values are the object's public attributes, and with the raster its fingerprint.
+    Those values are the object's public attributes, and with the raster its fingerprint. Its
+    ``describe`` and ``compare`` take whatever is like their arrays, and raise DataError otherwise.
     """
 
     raster: Raster
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        check_calls(cls)
+
     @classmethod
     def from_fingerprint(cls, made_by: dict[str, Any]) -> Self:
-        """The method that a `deepring.evaluation.fingerprint.fingerprint` is of."""
-        return cls(make_raster(made_by["raster"]), **made_by["values"])  # type: ignore[call-arg]
+        """The method that a `deepring.evaluation.fingerprint.fingerprint` is of.
+
+        Raises ConfigError for values that the method does not have, and of other types.
+        """
+        hints = get_type_hints(cls.__init__)
+        names = [name for name in inspect.signature(cls).parameters if name != "raster"]
+        known = {name: hints.get(name, Any) for name in names}
+        values = typed_values(known, made_by.get("values"), "made_by.values")
+        return cls(make_raster(made_by.get("raster", {})), **values)  # type: ignore[call-arg]
 
 
 class Images(Protocol):
@@ -142,7 +159,7 @@ def rebuild_method(made_by: dict[str, Any], own_class: str | type | None = None)
         method: Method = cls.from_fingerprint(made_by)
     except (TypeError, KeyError, AttributeError) as error:
         raise FileError(
-            f"made_by: {name!r} cannot be made of {made_by}; expected the values of this "
+            f"made_by: {name!r} cannot be made of {shown(made_by)}; expected the values of this "
             "version's class; export again"
         ) from error
     return method

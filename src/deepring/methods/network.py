@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import asdict
 from typing import Any, ClassVar, Self, cast
 
@@ -13,6 +14,7 @@ from deepring.checks import of_type
 from deepring.errors import ConfigError
 from deepring.io.typed import plain, typed
 from deepring.methods import registry
+from deepring.methods.given import check_calls, given_rasters
 from deepring.methods.method import Comparison
 from deepring.rasters import Raster, make_raster
 
@@ -71,6 +73,10 @@ class NetworkMethod(nn.Module, ABC):
 
     settings_class: ClassVar[type[PlainSettings]]
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        check_calls(cls)
+
     def __init__(self, settings: PlainSettings, kind: type[Raster] | None = None) -> None:
         super().__init__()
         self.settings = settings
@@ -81,7 +87,17 @@ class NetworkMethod(nn.Module, ABC):
     @classmethod
     def from_fingerprint(cls, made_by: dict[str, Any]) -> Self:
         """The network that a `deepring.evaluation.fingerprint.fingerprint` is of, on 'meta'."""
-        return cls(cls.settings_class.from_dict(made_by["settings"])).to("meta")
+        return cls.without_weights(cls.settings_class.from_dict(made_by.get("settings")))
+
+    @classmethod
+    def without_weights(cls, settings: PlainSettings) -> Self:
+        """The network on the device 'meta'.
+
+        Networks of the package are made there, where weights of any size take no memory; those of
+        other classes are moved there, since their constructors may read what they make.
+        """
+        with torch.device("meta") if registry.is_packaged(cls) else nullcontext():
+            return cls(settings).to("meta")
 
     @property
     def raster(self) -> Raster:
@@ -110,7 +126,11 @@ class NetworkMethod(nn.Module, ABC):
     def describe(
         self, rasters: Shaped[Tensor, " batch *raster"]
     ) -> Float[Tensor, " batch *descriptor"]:
-        """`forward` in evaluation mode, on the network's device; descriptors come back on it."""
+        """`forward` in evaluation mode, on the network's device; descriptors come back on it.
+
+        Whatever is like an array (b, *raster.shape) is taken. Raises DataError for anything else.
+        """
+        rasters = given_rasters(self.raster, rasters)
         training = self.training
         self.eval()
         try:

@@ -4,7 +4,6 @@ Lightning is not needed to read them. `shipped_network` is trained on simulated 
 do and what it cannot is in docs/model_card.md.
 """
 
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -16,8 +15,11 @@ from torch import Tensor
 
 from deepring.errors import ConfigError, DeepringError, FileError
 from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
+from deepring.io.typed import typed
+from deepring.methods.checkpoint_file import read_checkpoint
 from deepring.methods.network import NetworkMethod, as_network
 from deepring.methods.registry import method_class, method_name
+from deepring.text import shown
 
 #: What stands for the shipped network where a checkpoint is asked for.
 SHIPPED = "shipped"
@@ -42,6 +44,13 @@ class _NetworkHeader:
     """As `describe_network` describes it."""
     trained_on: str
     loss: str
+
+    def __post_init__(self) -> None:
+        for name, text in (("trained_on", self.trained_on), ("loss", self.loss)):
+            if not text.isprintable():
+                raise ConfigError(
+                    f"{name}: {shown(text)}, expected text without control characters"
+                )
 
 
 FORMAT = SealedFormat(
@@ -72,33 +81,33 @@ def load_network(checkpoint: Path | str, own_class: str | type | None = None) ->
     path = Path(checkpoint)
     if path.suffix == ".safetensors":
         return read_network(path, own_class)
-    if not path.is_file():
-        raise FileError(
-            f"checkpoint {path}: is no file; give the .ckpt of a run, such as "
-            "outputs/demo/latest/checkpoints/best.ckpt"
-        )
+    state = read_checkpoint(path)
     try:
-        with zipfile.ZipFile(path) as parts:
-            altered = parts.testzip()  # torch.load itself compares no checksums
-        if altered is not None:
-            raise zipfile.BadZipFile(altered)
-        state = torch.load(path, map_location="cpu", weights_only=True)
-        values = state["hyper_parameters"]
-        weights = {
-            name.removeprefix("method."): value
-            for name, value in state["state_dict"].items()
-            if name.startswith("method.")
-        }
-        trained_on, loss = str(values["trained_on"]), str(values["loss"])
-    except Exception as error:  # damaged files and other ones fail in many ways
-        raise FileError(
-            f"checkpoint {path}: is no whole checkpoint of this version: another file, or cut "
-            "short or altered; copy it again, take another, or delete it to train anew"
-        ) from error
-    try:
-        return TrainedNetwork(make_network(values, weights, own_class), trained_on, loss)
+        header = typed(_NetworkHeader, _header_of(state), "checkpoint")
+        method = make_network(header.network, _weights_in(state), own_class)
     except DeepringError as error:
         raise FileError(f"checkpoint {path}: {error}") from error
+    return TrainedNetwork(method, header.trained_on, header.loss)
+
+
+def _header_of(state: dict[str, Any]) -> dict[str, Any]:
+    """What a checkpoint states, as the header of an exported file."""
+    values = state.get("hyper_parameters")
+    values = dict(values) if isinstance(values, Mapping) else {}
+    network = {name: values.pop(name) for name in ("method", "settings") if name in values}
+    return {"network": network, **values}
+
+
+def _weights_in(state: dict[str, Any]) -> dict[str, Tensor]:
+    """The network's tensors of a checkpoint by name."""
+    tensors = state.get("state_dict")
+    tensors = tensors if isinstance(tensors, Mapping) else {}
+    named = {str(name): value for name, value in tensors.items() if isinstance(value, Tensor)}
+    return {
+        name.removeprefix("method."): value
+        for name, value in named.items()
+        if name.startswith("method.")
+    }
 
 
 def write_network(path: Path, network: TrainedNetwork) -> None:
@@ -147,24 +156,42 @@ def make_network(
             user; see `deepring.methods.registry.method_class`.
 
     Raises ConfigError for a name that is not registered, and for values that are not those of one
-    network of this version.
+    network of this version. Names, types and shapes are compared before memory is taken.
     """
-    try:
-        name, settings = str(described["method"]), dict(described["settings"])
-    except (KeyError, TypeError, ValueError):
+    name, settings = described.get("method"), described.get("settings")
+    if not isinstance(name, str) or not isinstance(settings, dict):
         raise ConfigError(
-            f"network: described by {described!r}, expected 'method' and 'settings'; take a "
+            f"network: described by {shown(described)}, expected 'method' and 'settings'; take a "
             "network of this version of deepring, or train again"
-        ) from None
+        )
     kind = as_network(method_class(name, own_class))
-    try:
-        method = kind(kind.settings_class.from_dict(settings))
-        method.load_state_dict(dict(weights))
-    except DeepringError:
-        raise
-    except Exception as error:  # settings of other types fail wherever a layer meets them
-        raise ConfigError(
-            f"network: the weights are not those of {name!r} with settings {settings}; expected "
-            "the settings and weights that one network had"
-        ) from error
+    stated = kind.settings_class.from_dict(settings)
+    expect_weights(kind.without_weights(stated), weights)  # before any memory is taken
+    method = kind(stated)
+    method.load_state_dict(dict(weights))
     return method.eval()
+
+
+def expect_weights(network: NetworkMethod, weights: Mapping[str, Tensor]) -> None:
+    """Raise ConfigError unless the weights are those of such a network, and finite."""
+    expected = {name: (w.dtype, tuple(w.shape)) for name, w in network.state_dict().items()}
+    present = {name: (w.dtype, tuple(w.shape)) for name, w in weights.items()}
+    if other := sorted(k for k in expected | present if expected.get(k) != present.get(k)):
+        name = other[0]
+        raise ConfigError(
+            f"network: the weights are not those of {network.settings.label} with these settings: "
+            f"{shown(name)} is {_kind(present.get(name))}, expected {_kind(expected.get(name))}; "
+            f"{len(other)} differ; expected the settings and weights that one network had"
+        )
+    for name, weight in weights.items():
+        if not bool(weight.isfinite().all()):
+            raise ConfigError(
+                f"network: weight {name}: values that are not finite, expected numbers; take a "
+                "checkpoint from before its training diverged"
+            )
+        if name.endswith("running_var") and bool((weight < 0).any()):
+            raise ConfigError(f"network: weight {name}: variances below 0, expected at least 0")
+
+
+def _kind(weight: tuple[torch.dtype, tuple[int, ...]] | None) -> str:
+    return "missing" if weight is None else f"{weight[0]} {list(weight[1])}".removeprefix("torch.")

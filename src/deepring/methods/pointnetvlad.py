@@ -67,6 +67,11 @@ class PointNetVlad(NetworkMethod):
         """Negative Euclidean distance, in [-2, 0]; the turn is not known."""
         return Comparison(negative_distance(queries, database), None)
 
+    @property
+    def descriptor_shape(self) -> tuple[int]:
+        """Length of one descriptor."""
+        return (self.settings.dimension,)
+
     def index(self, settings: SearchSettings | None = None) -> Index:  # noqa: ARG002
         """Exhaustive search by distance, see `index_of`; takes no settings."""
         return VectorIndex("l2")

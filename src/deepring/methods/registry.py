@@ -7,6 +7,7 @@ A file names its method and never causes an import: the name has to be registere
 import importlib
 
 from deepring.errors import ConfigError
+from deepring.text import shown
 
 _METHODS: dict[str, str | type] = {
     "deepring": "deepring.methods.deepring.DeepRing",
@@ -30,7 +31,9 @@ def register_method(name: str, cls: type) -> None:
 
     Raises ConfigError for a name that is no Python identifier, or that another class has.
     """
-    if not name.isidentifier():
+    if not isinstance(cls, type):
+        raise ConfigError(f"cls: a {type(cls).__name__}, expected the class of a method")
+    if not isinstance(name, str) or not name.isidentifier():
         raise ConfigError(f"name: {name!r}, expected letters, digits and underscores, as 'mine'")
     if class_path(cls) != _path_of(_METHODS.get(name, cls)):
         raise ConfigError(
@@ -38,6 +41,11 @@ def register_method(name: str, cls: type) -> None:
             f"for {class_path(cls)}; choose another"
         )
     _METHODS[name] = cls
+
+
+def is_packaged(cls: type) -> bool:
+    """Whether the class is a method of this package, and not a user's own."""
+    return class_path(cls) in [path for path in _METHODS.values() if isinstance(path, str)]
 
 
 def method_name(cls: type) -> str:
@@ -70,9 +78,9 @@ def method_class(name: str, own_class: str | type | None = None) -> type:
         )
     given = "" if cls is None else f", and the class given is {class_path(cls)}"
     raise ConfigError(
-        f"method: {name!r} is not registered{given}; expected one of {', '.join(_METHODS)}, or "
-        "the class of that name: register_method(name, cls) in Python, method._target_ in a "
-        "config, or its dotted path as `own_class`"
+        f"method: {shown(name, 80)} is not registered{given}; expected one of "
+        f"{', '.join(_METHODS)}, or the class of that name: register_method(name, cls) in Python, "
+        "method._target_ in a config, or its dotted path as `own_class`"
     )
 
 

@@ -7,11 +7,12 @@ import torch
 from jaxtyping import Float, Shaped
 from torch import Tensor
 
-from deepring.checks import of_type, one_of
+from deepring.checks import count, of_type, one_of
 from deepring.core.correlation import Form, circular_cross_correlation, shift_to_turn
 from deepring.core.radon import radon
 from deepring.core.spectrum import row_dft_magnitude, standardise_spectrum
 from deepring.methods.method import Comparison, FixedMethod
+from deepring.nn.representation import LONGEST
 from deepring.rasters import BevRaster, Raster
 from deepring.search.compare_index import CompareIndex
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
@@ -41,6 +42,8 @@ class Ring(FixedMethod):
         self.raster = self.raster_class() if raster is None else raster
         of_type(f"{self.label}: raster", self.raster, self.raster_class)
         one_of(f"{self.label}: correlation", correlation, Form)
+        for name, value in (("angles", angles), ("bins", bins)):
+            count(f"{self.label}: {name}", value, most=LONGEST)
         self.angles, self.bins, self.correlation = angles, bins, correlation
 
     @torch.no_grad()
@@ -64,6 +67,11 @@ class Ring(FixedMethod):
         turn = shift_to_turn(match.shift, queries.shape[-2])
         return Comparison(match.score / self._cells, turn)
 
+    @property
+    def descriptor_shape(self) -> tuple[int, int]:
+        """(θ, values) of one descriptor."""
+        return self.angles, self._channels * (self.bins // 2 + 1)
+
     def index(self, settings: SearchSettings | None = None) -> Index:
         """Search by Eq. 8, or by `compare` where it is the published one; see `index_of`."""
         if self.correlation == "published":
@@ -73,5 +81,8 @@ class Ring(FixedMethod):
     @property
     def _cells(self) -> int:
         """Cells of all channels' full spectra."""
-        channels = self.raster.shape[0] if len(self.raster.shape) == 3 else 1
-        return channels * self.angles * self.bins
+        return self._channels * self.angles * self.bins
+
+    @property
+    def _channels(self) -> int:
+        return self.raster.shape[0] if len(self.raster.shape) == 3 else 1

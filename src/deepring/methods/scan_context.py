@@ -1,5 +1,7 @@
 """Scan Context (Kim and Kim 2018; irapkaist/scancontext)."""
 
+from typing import Any
+
 import torch
 from jaxtyping import Float, Int64, Shaped
 from torch import Tensor
@@ -10,6 +12,7 @@ from deepring.methods.method import Comparison, FixedMethod
 from deepring.rasters import ContextRaster
 from deepring.search.block_store import BlockStore
 from deepring.search.correlation_index import SearchSettings
+from deepring.search.given import given_descriptors
 from deepring.search.hits import Best, Hits
 
 #: Floats of correlation curves in memory at once.
@@ -49,6 +52,11 @@ class ScanContext(FixedMethod):
             score = torch.where(is_candidate, score, -1.0)
         return Comparison(score, shift_to_turn(shift, queries.shape[-2]))
 
+    @property
+    def descriptor_shape(self) -> tuple[int, ...]:
+        """(θ, r) of one descriptor."""
+        return self.raster.shape
+
     def index(self, settings: SearchSettings | None = None) -> "ContextIndex":  # noqa: ARG002
         """Search by `compare`; takes no settings."""
         return ContextIndex(self.candidates)
@@ -63,18 +71,24 @@ class ContextIndex:
     def __init__(self, candidates: int | None = None) -> None:
         self.candidates = candidates
         self.places = BlockStore()
+        self._shape: tuple[int, ...] | None = None  # of a descriptor
 
     def __len__(self) -> int:
         return len(self.places)
 
     def add(self, descriptors: Float[Tensor, "n theta r"]) -> None:
-        """Add places."""
+        """Add places. Raises DataError for descriptors of another shape than theirs."""
+        descriptors = self._given("descriptors", descriptors)
+        if not len(descriptors):
+            return
         columns, filled = unit_columns(descriptors)
         self.places.add({"columns": columns, "filled": filled, "key": ring_keys(descriptors)})
+        self._shape = tuple(descriptors.shape[1:])
 
     def search(self, queries: Float[Tensor, "q theta r"], k: int = 1) -> Hits:
         """The ``k`` places of the largest mean cosine, with the turn from place to query."""
         count("k", k)
+        queries = self._given("queries", queries)
         best = Best(len(queries), k)
         columns, filled = unit_columns(queries)
         if self.candidates is None or self.candidates >= len(self):
@@ -93,6 +107,9 @@ class ContextIndex:
                 shifts.append(shift)
             best.update(torch.cat(scores), places, torch.cat(shifts))
         return Hits(best.place, best.score, shift_to_turn(best.shift, queries.shape[-2]))
+
+    def _given(self, name: str, values: Any) -> Float[Tensor, "n theta r"]:
+        return given_descriptors(name, values, self._shape, ("θ", "r"))
 
     def _nearest_keys(
         self, queries: Float[Tensor, "q theta r"], number: int

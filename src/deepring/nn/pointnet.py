@@ -10,7 +10,8 @@ import torch
 from jaxtyping import Float, Shaped
 from torch import Tensor, nn
 
-from deepring.errors import ConfigError, DataError
+from deepring import checks
+from deepring.errors import DataError
 
 
 class SharedMlp(nn.Sequential):
@@ -97,10 +98,7 @@ class PointFeatures(nn.Module):
             ("transform_widths", transform_widths),
             ("transform_hidden", transform_hidden),
         ):
-            if not widths or min(widths) < 1:
-                raise ConfigError(
-                    f"pointnet.{name}: {list(widths)}, expected at least one width, each above 0"
-                )
+            checks.widths(f"pointnet.{name}", widths)
         self.align_points = TransformNet(3, transform_widths, transform_hidden)
         self.first = SharedMlp(3, first)
         self.align_features = TransformNet(first[-1], transform_widths, transform_hidden)

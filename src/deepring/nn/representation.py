@@ -11,6 +11,9 @@ from deepring.core.radon import ThetaRange, radon
 from deepring.errors import ConfigError
 from deepring.rasters import Raster
 
+#: Rows or columns of a sinogram.
+LONGEST = 4096
+
 
 class Sinogram(nn.Module):
     """BEV (b, n, n) -> sinogram (b, 1, angles / pool, bins / pool), scaled to about [0, 1].
@@ -25,8 +28,9 @@ class Sinogram(nn.Module):
     ) -> None:
         super().__init__()
         checks.one_of("representation.theta_range", theta_range, ThetaRange)
-        if checks.count("representation.angles", angles) % 2:
+        if checks.count("representation.angles", angles, most=LONGEST) % 2:
             raise ConfigError(f"representation.angles: {angles}, expected an even number")
+        checks.count("representation.bins", bins, most=LONGEST)
         if pool < 1 or angles % pool or bins % pool:
             raise ConfigError(
                 f"representation.pool: {pool}, expected a divisor of "

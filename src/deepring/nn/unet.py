@@ -129,14 +129,10 @@ class CircularUNet(UNet):
         theta_range: ThetaRange = "full",
         stem: int = 1,
     ) -> None:
-        if not widths or min(widths) < 1:
-            raise ConfigError(
-                f"encoder.widths: {list(widths)}, expected at least one level, each of at least "
-                "one channel"
-            )
-        checks.count("encoder.convolutions", convolutions)
+        checks.widths("encoder.widths", widths)
+        checks.count("encoder.convolutions", convolutions, most=64)
         checks.one_of("encoder.norm", norm, NORMALISATIONS)
-        if checks.count("encoder.stem", stem) > 1 and theta_range == "half":
+        if checks.count("encoder.stem", stem, most=64) > 1 and theta_range == "half":
             raise ConfigError(
                 f"encoder.stem: {stem}, expected 1 for theta_range 'half', whose flip of "
                 "τ would have to exchange channels"

@@ -5,6 +5,7 @@ import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from deepring.errors import DataError
 from deepring.evaluation.case import Case
 from deepring.evaluation.metrics import Over
 from deepring.paper.flat import flatten
@@ -123,8 +124,14 @@ def _datasets(run: Run) -> Iterator[tuple[str, Mapping[str, Any]]]:
         if side == "train" and not trains:
             continue
         for node in nodes.values() or [run.config.get("data")]:
-            if node:
-                yield side, node
+            if not node:
+                continue
+            if not isinstance(node.get("name"), str):
+                raise DataError(
+                    f"{run.folder}: a dataset without a name in its config; expected data.name; "
+                    "leave this folder out"
+                )
+            yield side, node
 
 
 def _own_labels(run: Run) -> set[str]:

@@ -5,8 +5,9 @@ are the cache's key and part of a checkpoint. A kind of raster is one file: ever
 `Raster` registers its ``kind`` for `make_raster`, the cache and training.
 """
 
+import math
 from abc import ABC, abstractmethod
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,7 +17,11 @@ from torch import Tensor
 
 from deepring import checks
 from deepring.errors import ConfigError
-from deepring.rasters.preprocessing import Preprocessing
+from deepring.io.typed import typed
+from deepring.rasters.preprocessing import FARTHEST, Preprocessing
+
+#: Values of one array: 4096 x 4096 cells.
+MOST_VALUES = 2**24
 
 #: Every kind of raster by its name; subclasses of `Raster` register themselves.
 RASTERS: dict[str, type["Raster"]] = {}
@@ -58,12 +63,17 @@ class Raster(ABC):
     def rasterize(self, points: NDArray[np.float32]) -> NDArray[Any]:
         """Array of preprocessed points (n, 3), z above the ground."""
 
-    def __call__(self, points: NDArray[np.float32], ground_z: float) -> NDArray[Any]:
+    def __call__(self, points: Any, ground_z: float) -> NDArray[Any]:
         """Array of a whole scan.
 
         Args:
-            points: (n, >=3) float32, metres, in the scan's frame.
+            points: (n, >=3), metres, in the scan's frame: anything like an array of real numbers.
+                Points that are not finite in float32 do not count.
             ground_z: z of the ground under the sensor in that frame, metres.
+
+        Raises:
+            ConfigError: a ``ground_z`` that is no finite number.
+            DataError: points of another shape or type.
         """
         return self.rasterize(self.preprocessing(points, ground_z))
 
@@ -104,7 +114,8 @@ class Raster(ABC):
     def check_lengths(self, *names: str) -> None:
         """Raise ConfigError unless these fields are metres above 0."""
         for name in names:
-            checks.positive(f"raster.{name}", getattr(self, name), "metres")
+            length = checks.positive(f"raster.{name}", getattr(self, name), "metres")
+            checks.between(f"raster.{name}", length, 0, FARTHEST, "metres")
 
     def check_reach(self, reach: float) -> None:
         """Raise ConfigError if the preprocessing removes points within ``reach`` metres."""
@@ -128,24 +139,21 @@ def raster_settings(raster: Raster) -> dict[str, Any]:
 
 
 def make_raster(settings: dict[str, Any]) -> Raster:
-    """The raster with the settings of `raster_settings`. Raises ConfigError for unknown names.
+    """The raster with the settings of `raster_settings`.
+
+    Raises ConfigError for unknown names, values of another type, and more than `MOST_VALUES`.
 
     >>> make_raster({"kind": "polar", "sectors": 60}).shape
     (60, 120)
     """
+    checks.of_type("raster", settings, dict)
     values = dict(settings)
     cls = RASTERS[checks.one_of("raster.kind", values.pop("kind", None), RASTERS)]
-    _check_names(f"raster {cls.kind!r}", values, cls)
     if values.get("preprocessing") is None:
         values.pop("preprocessing", None)
-    else:
-        _check_names("preprocessing", values["preprocessing"], Preprocessing)
-        values["preprocessing"] = Preprocessing(**values["preprocessing"])
-    return cls(**values)
-
-
-def _check_names(what: str, values: dict[str, Any], cls: Any) -> None:
-    names = [field.name for field in fields(cls)]
-    unknown = [name for name in values if name not in names]
-    if unknown:
-        raise ConfigError(f"{what}: {', '.join(unknown)}, expected only {', '.join(names)}")
+    raster: Raster = typed(cls, values, "raster", whole=False)
+    if math.prod(raster.shape) > MOST_VALUES:
+        raise ConfigError(
+            f"raster: {' x '.join(map(str, raster.shape))} values, expected at most {MOST_VALUES}"
+        )
+    return raster

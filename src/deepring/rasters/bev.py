@@ -2,12 +2,18 @@
 
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deepring.rasters.base import Raster
-from deepring.rasters.preprocessing import Preprocessing, contiguous_points, coordinates
+from deepring.rasters.preprocessing import (
+    Preprocessing,
+    checked_ground,
+    contiguous_points,
+    coordinates,
+)
 
 
 @dataclass(frozen=True)
@@ -39,7 +45,7 @@ class BevRaster(Raster, kind="bev"):
         """Occupied cells (cells, cells) bool."""
         return bev_occupancy(points, self.extent, self.cells)
 
-    def __call__(self, points: NDArray[np.float32], ground_z: float) -> NDArray[np.bool_]:
+    def __call__(self, points: Any, ground_z: float) -> NDArray[np.bool_]:
         """Occupied cells of a whole scan, in one pass over its points."""
         return scan_to_bev(points, ground_z, self.preprocessing, self.extent, self.cells)
 
@@ -66,7 +72,7 @@ def bev_occupancy(
     from deepring.rasters import _bev_kernels
 
     image = np.zeros((cells, cells), dtype=np.uint8)
-    _bev_kernels.occupancy(np.ascontiguousarray(points, dtype=np.float32), extent, cells, image)
+    _bev_kernels.occupancy(contiguous_points(points, 2), extent, cells, image)
     occupied = image.view(np.bool_)
     if disc:
         occupied &= disc_mask(cells)
@@ -92,6 +98,7 @@ def scan_to_bev(
     from deepring.rasters import _bev_kernels
 
     flat = coordinates(contiguous_points(points))
+    ground_z = checked_ground(ground_z)
     low, high = (height + ground_z for height in preprocessing.height)
     box = preprocessing.extent
     image = np.zeros(cells * cells + 1, dtype=np.uint8)  # the last cell is for points outside
@@ -99,7 +106,7 @@ def scan_to_bev(
         _bev_kernels.band_occupancy(flat, box, low, high, extent, cells, image)
     else:
         side = preprocessing.side
-        ground, pixels = np.empty((2, len(points)), dtype=np.uint32)
+        ground, pixels = np.empty((2, len(flat) // 3), dtype=np.uint32)
         _bev_kernels.two_cells(
             flat, box, low, high, preprocessing.cell, side, extent, cells, ground, pixels
         )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.rasters.base import Raster
-from deepring.rasters.preprocessing import Preprocessing, coordinates
+from deepring.rasters.preprocessing import Preprocessing, finite_coordinates
 
 
 @dataclass(frozen=True)
@@ -65,5 +65,5 @@ def scan_context(
     from deepring.rasters import _polar_kernels
 
     image = np.zeros((sectors, rings), dtype=np.float32)
-    _polar_kernels.polar_highest(coordinates(points), radius, image)
+    _polar_kernels.polar_highest(finite_coordinates(points), radius, image)
     return image

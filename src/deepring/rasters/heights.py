@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from deepring import checks
 from deepring.rasters.base import Raster
-from deepring.rasters.preprocessing import Preprocessing, coordinates
+from deepring.rasters.preprocessing import Preprocessing, finite_coordinates
 
 
 @dataclass(frozen=True)
@@ -80,5 +80,5 @@ def polar_layers(
 
     image = np.zeros(shape, dtype=np.bool_)
     low, high = height
-    _polar_kernels.polar_layers(coordinates(points), radius, low, high, image)
+    _polar_kernels.polar_layers(finite_coordinates(points), radius, low, high, image)
     return image

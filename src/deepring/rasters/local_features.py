@@ -19,6 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring import checks
+from deepring.core.arrays import real_array
+from deepring.errors import DataError
+
 #: In the order of the channels.
 FEATURES = ("curvature", "omnivariance", "entropy", "flatness", "reach", "variance")
 
@@ -32,15 +36,25 @@ def local_features(points: NDArray[Any], neighbours: int = 30) -> NDArray[np.flo
         points: (n, 3), finite.
         neighbours: points per neighbourhood, the point itself included; at most n.
 
+    Raises:
+        ConfigError: less than one neighbour.
+        DataError: no points (n, 3), or some that are not finite.
+
     >>> wall = np.array([[x, 0, z] for x in range(5) for z in range(5)])
     >>> local_features(wall, 25)[0].round(2).tolist()
     [0.0, 0.0, 0.69, 0.0, 4.0, 2.0]
     """
     from scipy.special import entr
 
+    rows = real_array("points", points)
+    if rows.ndim != 2 or rows.shape[1] != 3:
+        raise DataError(f"points: shape {rows.shape}, expected (n, 3)")
+    checks.count("neighbours", neighbours)
+    points = rows.astype(np.float64)
+    if not np.isfinite(points).all():
+        raise DataError("points: some are NaN or infinite, expected finite ones; leave them out")
     if not len(points):
         return np.zeros((0, len(FEATURES)))
-    points = np.asarray(points, dtype=np.float64)
     near = points[nearest(points, neighbours)]
     offset = near - near.mean(axis=1, keepdims=True)
     covariance = offset.transpose(0, 2, 1) @ offset / near.shape[1]

@@ -8,6 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from deepring import checks
 from deepring.errors import ConfigError
 from deepring.rasters.base import Raster
 from deepring.rasters.downsample import fixed_count
@@ -39,7 +40,7 @@ class PointsRaster(Raster, kind="points"):
     dtype = np.dtype(np.float16)
 
     def __post_init__(self) -> None:
-        self.check_counts("count")
+        checks.count("raster.count", self.count, most=2**17)
         self.check_lengths("extent")
         self.check_reach(self.extent)
         low, high = self.preprocessing.height

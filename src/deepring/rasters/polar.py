@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.rasters.base import Raster
-from deepring.rasters.preprocessing import Preprocessing, coordinates
+from deepring.rasters.preprocessing import Preprocessing, finite_coordinates
 
 
 @dataclass(frozen=True)
@@ -61,5 +61,5 @@ def polar_gram(
     from deepring.rasters import _polar_kernels
 
     image = np.full((sectors, rings), -np.inf, dtype=np.float32)
-    _polar_kernels.polar_highest(coordinates(points), radius, image)
+    _polar_kernels.polar_highest(finite_coordinates(points), radius, image)
     return image > -np.inf

@@ -2,12 +2,21 @@
 
 import math
 from dataclasses import dataclass
+from numbers import Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deepring import checks
+from deepring.core.arrays import real_array
 from deepring.errors import ConfigError, DataError
+
+#: Metres from a sensor to the farthest points that anybody asks for.
+FARTHEST = 10_000
+
+#: Cells along a side of the ground's grid.
+_MOST_CELLS = 4096
 
 
 @dataclass(frozen=True)
@@ -34,12 +43,18 @@ class Preprocessing:
     def __post_init__(self) -> None:
         height = checks.interval("preprocessing.height", self.height, "metres")
         object.__setattr__(self, "height", height)
-        if checks.count("preprocessing.window", self.window) % 2 == 0:
+        if checks.count("preprocessing.window", self.window, most=999) % 2 == 0:
             raise ConfigError(f"preprocessing.window: {self.window}, expected an odd number")
         if self.clearance is not None:
             checks.at_least("preprocessing.clearance", self.clearance, 0, "metres, or null,")
         for name in ("cell", "extent"):
-            checks.positive(f"preprocessing.{name}", getattr(self, name), "metres")
+            length = checks.positive(f"preprocessing.{name}", getattr(self, name), "metres")
+            checks.between(f"preprocessing.{name}", length, 0, FARTHEST, "metres")
+        if 2 * self.extent / self.cell > _MOST_CELLS:
+            raise ConfigError(
+                f"preprocessing.cell: {self.cell:g} m, expected at least 1/{_MOST_CELLS} of the "
+                f"{2 * self.extent:g} m across"
+            )
 
     @property
     def side(self) -> int:
@@ -47,13 +62,16 @@ class Preprocessing:
         # One spare cell keeps rounding at the far border inside.
         return math.ceil(2 * self.extent / self.cell) + 1
 
-    def __call__(self, points: NDArray[np.float32], ground_z: float) -> NDArray[np.float32]:
-        """Cropped points (m, 3), z above the nominal ground, of points (n, 3) in the scan's frame.
+    def __call__(self, points: Any, ground_z: float) -> NDArray[np.float32]:
+        """Cropped points (m, 3), z above the nominal ground, of a scan (n, >=3) in its frame.
 
-        ``ground_z`` is the z of the ground under the sensor in the scan's frame (metres).
+        ``points`` is anything like an array of real numbers; points that are not finite in float32
+        are dropped. ``ground_z`` is the z of the ground under the sensor in the scan's frame
+        (metres). Raises DataError for other points, and ConfigError for another ``ground_z``.
         """
         from deepring.rasters import _bev_kernels as _kernels
 
+        ground_z = checked_ground(ground_z)
         low, high = (height + ground_z for height in self.height)
         points = contiguous_points(points)
         crop = np.empty((len(points) + 1, 3), dtype=np.float32)
@@ -90,8 +108,29 @@ def coordinates(points: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.ascontiguousarray(points[:, :3]).reshape(-1)
 
 
-def contiguous_points(points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The points as contiguous float32. Raises DataError unless their shape is (n, >=3)."""
-    if points.ndim != 2 or points.shape[1] < 3:
-        raise DataError(f"points: shape {points.shape}, expected (n, 3)")
-    return np.ascontiguousarray(points, dtype=np.float32)
+def finite_coordinates(points: Any) -> NDArray[np.float32]:
+    """`coordinates` of the points that are finite, of whatever `contiguous_points` takes."""
+    flat = coordinates(contiguous_points(points))
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(flat.sum()):
+            return flat
+    rows = flat.reshape(-1, 3)
+    return rows[np.isfinite(rows).all(axis=1)].reshape(-1)
+
+
+def contiguous_points(points: Any, least: int = 3) -> NDArray[np.float32]:
+    """Points as contiguous float32 (n, >=least), of anything like an array of real numbers.
+
+    Beyond float32 they are infinite. Raises DataError for anything else, and for another shape.
+    """
+    array = real_array("points", points)
+    if array.ndim != 2 or array.shape[1] < least:
+        raise DataError(f"points: shape {array.shape}, expected (n, {least})")
+    with np.errstate(over="ignore"):
+        return np.ascontiguousarray(array, dtype=np.float32)
+
+
+def checked_ground(ground_z: Any) -> float:
+    """z of the ground, metres. Raises ConfigError unless it is a finite number."""
+    real = isinstance(ground_z, Real) and not isinstance(ground_z, bool | np.bool_)
+    return checks.number("ground_z", float(ground_z) if real else ground_z, "metres")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from deepring import checks
 from deepring.errors import ConfigError
 from deepring.rasters.base import Raster
-from deepring.rasters.preprocessing import Preprocessing, coordinates
+from deepring.rasters.preprocessing import Preprocessing, finite_coordinates
 
 
 @dataclass(frozen=True)
@@ -83,5 +83,5 @@ def range_image(
 
     nearest = np.full((sectors, rows), max_range, dtype=np.float32)
     low, high = (math.radians(angle) for angle in elevation)
-    _polar_kernels.nearest_return(coordinates(points), viewpoint, low, high, nearest)
+    _polar_kernels.nearest_return(finite_coordinates(points), viewpoint, low, high, nearest)
     return np.float32(1.0) - nearest / np.float32(max_range)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring import checks
+from deepring.core.arrays import real_array
 from deepring.errors import ConfigError, DataError
 from deepring.rasters.base import Raster
 from deepring.rasters.downsample import spread
@@ -92,7 +93,7 @@ def sectors_of(degrees: float) -> int:
     720
     """
     sectors = round(360 / degrees) if 0 < degrees <= 360 else 0
-    if not sectors or abs(sectors * degrees - 360) > 1e-6:
+    if not 0 < sectors < -PADDING or abs(sectors * degrees - 360) > 1e-6:
         raise ConfigError(f"voxels.degrees: {degrees!r}, expected a step that divides 360")
     return sectors
 
@@ -117,7 +118,7 @@ def cylindrical_voxels(
 
     Raises:
         ConfigError: an invalid step.
-        DataError: a coordinate that is not finite or an index beyond int16.
+        DataError: no points (n, >=3), a coordinate that is not finite, or an index beyond int16.
 
     >>> points = np.array([[10.0, 0.1, 1.0], [10.0, 0.2, 1.1]], dtype=np.float32)
     >>> cylindrical_voxels(points, degrees=90.0, ring=3.0, height=1.0)
@@ -126,7 +127,10 @@ def cylindrical_voxels(
     sectors = sectors_of(degrees)
     checks.positive("voxels.ring", ring, "metres")
     checks.positive("voxels.height", height, "metres")
-    x, y, z = np.asarray(points, dtype=np.float64).reshape(-1, 3).T
+    rows = real_array("points", points)
+    if rows.ndim != 2 or rows.shape[1] < 3:
+        raise DataError(f"points: shape {rows.shape}, expected (n, 3)")
+    x, y, z = rows[:, :3].astype(np.float64).T
     cells = np.stack([(np.degrees(np.arctan2(y, x)) + 180) / degrees, np.hypot(x, y) / ring, z])
     cells[2] /= height
     if cells.size == 0:

@@ -16,6 +16,10 @@ from torch import Tensor
 
 from deepring.checks import count
 from deepring.core.correlation import theta_spectrum
+from deepring.errors import DataError
+
+#: Rows and columns of a descriptor, and of what is made of it.
+LONGEST = 8192
 
 
 @dataclass(frozen=True)
@@ -27,7 +31,7 @@ class CodeSettings:
 
     def __post_init__(self) -> None:
         for name in ("frequencies", "components"):
-            count(f"search.code.{name}", getattr(self, name))
+            count(f"search.code.{name}", getattr(self, name), most=LONGEST)
 
 
 class Code(NamedTuple):
@@ -64,6 +68,31 @@ class Code(NamedTuple):
         spectrum = theta_spectrum(descriptors)[:, : len(self.step)]
         parts = torch.view_as_real(spectrum)  # (n, k, ω, 2)
         return torch.einsum("nkwc,wp->nkpc", parts, self.basis)
+
+
+def expect_shape(shape: tuple[int, int] | None) -> tuple[int, int] | None:
+    """The shape (θ, ω) of descriptors, where one is stated.
+
+    Raises ConfigError for lengths that no index holds.
+    """
+    for length in shape or ():
+        count("shape", length, most=LONGEST)
+    return shape
+
+
+def expect_code(code: Code, shape: tuple[int, int], settings: CodeSettings) -> Code:
+    """The code. Raises DataError unless it is one of ``settings`` for descriptors of ``shape``."""
+    rows, columns = shape
+    frequencies = min(settings.frequencies, rows // 2 + 1)
+    components = min(settings.components, columns)
+    expected = ((columns, components), (frequencies, components))
+    shapes = (tuple(code.basis.shape), tuple(code.step.shape))
+    if shapes != expected or code.rows != rows:
+        raise DataError(
+            f"code: basis and step of shapes {shapes}; expected {expected}, for descriptors of "
+            f"{rows} x {columns} and search.code {settings.frequencies} x {settings.components}"
+        )
+    return code
 
 
 def fit_code(descriptors: Float[Tensor, "n theta omega"], settings: CodeSettings) -> Code:

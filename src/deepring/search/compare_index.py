@@ -8,6 +8,7 @@ from torch import Tensor
 
 from deepring.checks import count
 from deepring.search.block_store import BlockStore
+from deepring.search.given import given_rows
 from deepring.search.hits import Best, Hits
 
 #: Places compared at once.
@@ -44,17 +45,22 @@ class CompareIndex:
     def __init__(self, method: Comparer) -> None:
         self.method = method
         self.places = BlockStore()
+        self._shape: tuple[int, ...] | None = None  # of a descriptor
 
     def __len__(self) -> int:
         return len(self.places)
 
     def add(self, descriptors: Float[Tensor, " n *descriptor"]) -> None:
-        """Add places."""
-        self.places.add({"descriptor": descriptors})
+        """Add places. Raises DataError for descriptors of another shape than theirs."""
+        descriptors = given_rows("descriptors", descriptors, self._shape)
+        if len(descriptors):
+            self.places.add({"descriptor": descriptors})
+            self._shape = tuple(descriptors.shape[1:])
 
     def search(self, queries: Float[Tensor, " q *descriptor"], k: int = 1) -> Hits:
         """The ``k`` most similar places."""
         count("k", k)
+        queries = given_rows("queries", queries, self._shape)
         best = Best(len(queries), k, queries.device)
         for start, (part,) in self.places.chunks(_CHUNK, "descriptor"):
             score = self.method.compare(queries, part).score

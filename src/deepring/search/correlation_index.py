@@ -10,14 +10,22 @@ import torch
 from jaxtyping import Float, Float32, Int64
 from torch import Tensor
 
-from deepring.checks import count, one_of, share
+from deepring.checks import between, count, one_of, positive, share
 from deepring.core.correlation import shift_to_turn
 from deepring.errors import ConfigError, DataError, FileError
 from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
 from deepring.io.tensor_types import TensorType
 from deepring.search import exact
 from deepring.search.block_store import BlockStore
-from deepring.search.code import Code, CodeSettings, code_scores, fit_code
+from deepring.search.code import (
+    Code,
+    CodeSettings,
+    code_scores,
+    expect_code,
+    expect_shape,
+    fit_code,
+)
+from deepring.search.given import given_descriptors
 from deepring.search.hits import Best, Hits
 from deepring.search.shards import INDEX, Shard, expect_block, read_shards, write_shard
 from deepring.search.spectra import Precision, encode, padded_spectra
@@ -55,6 +63,11 @@ class _IndexHeader:
     """(θ, ω) of the descriptors; None in an empty index."""
     shards: tuple[Shard, ...]
 
+    def __post_init__(self) -> None:
+        between("period", positive("period", self.period), 0, 2 * math.pi + 1e-6, "radians")
+        positive("cells", self.cells)
+        expect_shape(self.shape)
+
 
 FORMAT = SealedFormat(
     "index",
@@ -62,7 +75,7 @@ FORMAT = SealedFormat(
     _IndexHeader,
     {
         "basis": TensorType("float32", ("ω", "components"), optional=True),
-        "step": TensorType("float32", ("frequencies", "components"), optional=True),
+        "step": TensorType("float32", ("frequencies", "components"), optional=True, least=1e-36),
     },
     description="an index as CorrelationIndex.save writes it",
     remedy="build the index again and save it",
@@ -100,16 +113,17 @@ class CorrelationIndex:
 
     def add(self, descriptors: Float[Tensor, "..."]) -> None:
         """Add places. The first ones added determine the code of all."""
-        descriptors = self._checked(descriptors)
+        descriptors = self._checked("descriptors", descriptors)
         if not len(descriptors):
             return
         spectra = encode(descriptors, self.settings.precision)
         rows = spectra._asdict()
+        code = self.code
         if self.settings.code is not None:
-            if self.code is None:
-                self.code = fit_code(descriptors, self.settings.code)
-            rows["code"] = self.code.encode(descriptors)
+            code = code or fit_code(descriptors, self.settings.code)
+            rows["code"] = code.encode(descriptors)
         self.places.add(rows)
+        self.code, self.shape = code, (descriptors.shape[1], descriptors.shape[2])
 
     def mark(self) -> tuple[Any, ...]:
         """The present places, to which `rewind` goes back."""
@@ -135,13 +149,23 @@ class CorrelationIndex:
             k: number of places.
             exhaustive: compare all places; by default if there are at most ``exhaustive_below``.
             before: ignore this place and those added after it.
+
+        Raises:
+            ConfigError: a ``k`` below 1, a ``before`` below 0, or a search by codes where the index
+                stores none.
+            DataError: queries of another shape than the places, or that are not finite.
         """
         count("k", k)
-        queries = self._checked(queries)
+        if before is not None:
+            count("before", before, 0)
+        queries = self._checked("queries", queries)
         if exhaustive is None:
             exhaustive = self.code is None or len(self) <= self.settings.exhaustive_below
-        number = len(self) if before is None else max(0, min(before, len(self)))
-        if exhaustive:
+        number = len(self) if before is None else min(before, len(self))
+        k = min(k, max(1, number))
+        if not number:
+            best = Best(len(queries), k, self.device)
+        elif exhaustive:
             which = None if before is None else torch.arange(number, device=self.device)
             best = self._exact(padded_spectra(queries), k, which)
         elif self.code is None:
@@ -150,6 +174,11 @@ class CorrelationIndex:
             )
         else:
             best = self._among_candidates(queries, self.code, k, number)
+        if not bool((torch.isfinite(best.score) & (best.place >= 0)).all()):
+            raise DataError(
+                "index: places whose similarity is no finite number, expected finite descriptors; "
+                "build the index again"
+            )
         turn = shift_to_turn(best.shift, queries.shape[-2], self.period)
         return Hits(best.place, best.score / self.cells, turn)
 
@@ -252,30 +281,27 @@ class CorrelationIndex:
 
     def _take_code(self, basis: Tensor | None, step: Tensor | None) -> None:
         """Set the code of the present places. Raises DataError if the two do not match."""
-        self.code = None
-        if basis is not None and step is not None and self.shape is not None:
-            self.code = Code(basis.to(self.device), step.to(self.device), self._rows)
-        for block in self.places.blocks():
-            expect_block(block, self.shape, self.settings.precision, self.code)
-        if self.places and (self.code is None) != (self.settings.code is None):
+        self.code, settings, shape = None, self.settings.code, self.shape
+        if shape is None:
+            if self.places or basis is not None or step is not None:
+                raise DataError("shape: missing, expected (θ, ω) of the descriptors")
+            return
+        if basis is not None and step is not None and settings is not None:
+            code = Code(basis.to(self.device), step.to(self.device), self._rows)
+            self.code = expect_code(code, shape, settings)
+        elif basis is not None or step is not None or (self.places and settings is not None):
             raise DataError(
-                "codes: present but search.code is null, or missing; expected both or neither"
+                "codes: present but search.code is null, or missing, or without their basis or "
+                "step; expected all or none"
             )
+        for block in self.places.blocks():
+            expect_block(block, shape, self.settings.precision, self.code)
 
     @property
     def _rows(self) -> int:
         assert self.shape is not None
         return self.shape[0]
 
-    def _checked(self, descriptors: Float[Tensor, "..."]) -> Float32[Tensor, "n theta omega"]:
-        if descriptors.ndim != 3:
-            raise DataError(f"descriptors: shape {tuple(descriptors.shape)}, expected (n, θ, ω)")
-        shape = (descriptors.shape[1], descriptors.shape[2])
-        if self.shape is None:
-            self.shape = shape
-        if shape != self.shape:
-            raise DataError(
-                f"descriptors: {shape[0]} x {shape[1]}, but the places are {self.shape[0]} x "
-                f"{self.shape[1]}; describe both by one method"
-            )
+    def _checked(self, name: str, values: Any) -> Float32[Tensor, "n theta omega"]:
+        descriptors = given_descriptors(name, values, self.shape, ("θ", "ω"))
         return descriptors.to(self.device, torch.float32)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from deepring.checks import count
 from deepring.errors import DataError, FileError
 from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
 from deepring.io.tensor_types import TensorType, dtype_of
@@ -21,9 +22,9 @@ INDEX = "index.safetensors"
 
 #: Tensors of n places; see `deepring.search.spectra.Spectra` and `deepring.search.code.Code`.
 ROWS = {
-    "values": TensorType(("float32", "bfloat16", "int8"), ("n", "k", 2, "w")),
-    "scale": TensorType("float32", ("n", "k")),
-    "tails": TensorType("float32", ("n", "c")),
+    "values": TensorType(("float32", "bfloat16", "int8"), ("n", "k", 2, "w"), large=True),
+    "scale": TensorType("float32", ("n", "k"), least=0),
+    "tails": TensorType("float32", ("n", "c"), least=0),
     "code": TensorType("int8", ("frequencies", "components", 2, "n"), optional=True),
 }
 
@@ -35,6 +36,9 @@ class Shard:
     rows: int
     digest: str
     """Digest of the file, see `deepring.io.sealed.Sealed`."""
+
+    def __post_init__(self) -> None:
+        count("shards.rows", self.rows)
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,8 @@ def read_shards(folder: Path, shards: Sequence[Shard], *, check: bool = False) -
     for number, shard in enumerate(shards):
         path = _path(folder, number)
         file = open_sealed(path, SHARD, check=check)
-        if file.digest != shard.digest:
+        rows = lengths_of(file.tensors)
+        if file.digest != shard.digest or file.header.number != number or rows != {shard.rows}:
             raise FileError(
                 f"index shard {path}: from another index or position, expected shard {number} "
                 f"with {shard.rows} rows; {SHARD.remedy}"
@@ -79,11 +84,9 @@ def read_shards(folder: Path, shards: Sequence[Shard], *, check: bool = False) -
 
 
 def expect_block(
-    block: Block, shape: tuple[int, int] | None, precision: Precision, code: Code | None
+    block: Block, shape: tuple[int, int], precision: Precision, code: Code | None
 ) -> None:
     """Raise DataError unless a block holds descriptors of ``shape`` (θ, ω)."""
-    if shape is None:
-        raise DataError("shape: missing, expected (θ, ω) of the descriptors")
     rows, columns = shape
     frequencies = rows // 2 + 1
     row_shapes: dict[str, tuple[int, ...]] = {
@@ -98,11 +101,6 @@ def expect_block(
         raise DataError(
             f"rows: shapes {shapes}; expected {precision} values in rows of {row_shapes}, for "
             f"descriptors of {rows} x {columns}"
-        )
-    if code is not None and (len(code.basis) != columns or len(code.step) > frequencies):
-        raise DataError(
-            f"code: {len(code.basis)} ω and {len(code.step)} θ-frequencies; expected "
-            f"{columns} and at most {frequencies}"
         )
 
 

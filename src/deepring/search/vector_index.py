@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float, Float32, Int64
 from torch import Tensor
 
 from deepring.checks import count, one_of
-from deepring.errors import DataError
 from deepring.search.block_store import BlockStore
+from deepring.search.given import given_descriptors
 from deepring.search.hits import Best, Hits
 
 Metric = Literal["l2", "cosine"]
@@ -41,7 +41,7 @@ class VectorIndex:
 
     Raises:
         ConfigError: an unknown metric, or k below 1.
-        DataError: vectors of another length than those of the places.
+        DataError: descriptors of another shape than the places', or that are not finite.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class VectorIndex:
         self.metric, self.align = one_of("metric", metric, Metric), align
         self.places = BlockStore()
         self._make_vectors = vectors or (lambda descriptors: descriptors.flatten(1))
-        self._width: int | None = None
+        self._shape: tuple[int, ...] | None = None  # of a descriptor
         self._largest = 0.0  # norm of any place's vector
 
     def __len__(self) -> int:
@@ -61,19 +61,22 @@ class VectorIndex:
 
     def add(self, descriptors: Float[Tensor, " n *descriptor"]) -> None:
         """Add places by their descriptors (n, ...)."""
-        vectors = self._vectors(descriptors)
-        if not len(vectors):
+        descriptors = given_descriptors("descriptors", descriptors, self._shape)
+        if not len(descriptors):
             return
+        vectors = self._vectors(descriptors)
         norms = torch.linalg.vector_norm(vectors, dim=1)
-        self._largest = max(self._largest, float(norms.max()))
         rows = {"vector": vectors, "offset": norms.square() / 2 if self._is_l2 else 0 * norms}
         if self.align is not None:
             rows["descriptor"] = descriptors.cpu()
         self.places.add(rows)
+        self._largest = max(self._largest, float(norms.max()))
+        self._shape = tuple(descriptors.shape[1:])
 
     def search(self, queries: Float[Tensor, " q *descriptor"], k: int = 1) -> Hits:
         """The ``k`` nearest places of queries (q, ...)."""
         count("k", k)
+        queries = given_descriptors("queries", queries, self._shape)
         best = Best(len(queries), k)
         if len(self) and len(queries):
             vectors = self._vectors(queries)
@@ -148,14 +151,6 @@ class VectorIndex:
 
     def _vectors(self, descriptors: Float[Tensor, " n *descriptor"]) -> Float32[Tensor, "n d"]:
         vectors = self._make_vectors(descriptors).detach().float().cpu()
-        width = vectors.shape[1]
-        if self._width is None:
-            self._width = width
-        if width != self._width:
-            raise DataError(
-                f"descriptors: {width} numbers, but the places have {self._width}; "
-                "describe both by one method"
-            )
         return F.normalize(vectors, dim=1) if not self._is_l2 else vectors
 
 

@@ -1,7 +1,7 @@
 """The manifest of a simulated dataset: its settings, and whether it is complete."""
 
 import json
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from deepring.errors import FileError
 from deepring.io.files import part_of, write_whole
@@ -51,7 +51,7 @@ def _read(root: Path) -> dict[str, object] | None:
         return None
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError:
+    except (ValueError, RecursionError):
         raise FileError(
             f"{path}: not JSON, expected the manifest of a simulation. Delete the folder, or "
             "choose another"
@@ -86,8 +86,17 @@ def _complete(root: Path, content: dict[str, object]) -> bool:
     scans, poses = content.get("scans"), content.get("poses")
     if not isinstance(scans, dict) or not isinstance(poses, list) or not scans:
         return False
+    if not all(isinstance(name, str) and _is_inside(name) for name in (*scans, *poses)):
+        return False
     equal = all(len(list((root / f).glob("[!.]*"))) == n for f, n in scans.items())
     return equal and all((root / name).is_file() for name in poses)
+
+
+def _is_inside(name: str) -> bool:
+    """Whether a path of the manifest stays within its folder."""
+    path = PurePath(name)
+    sound = "\0" not in name and 0 < len(name) < 255
+    return sound and not path.is_absolute() and ".." not in path.parts
 
 
 def _write(

@@ -16,7 +16,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from deepring.checks import one_of
+from deepring.checks import of_type, one_of
 from deepring.data.readers.reader import BinaryScans, LayoutError, Reader, existing_root
 from deepring.data.scans.names import ending_of
 from deepring.data.session import Session
@@ -30,7 +30,8 @@ _registered: dict[str, Reader] = {}
 
 
 def register_reader(reader: Reader) -> None:
-    """Register a reader by its name. Raises ConfigError for an existing name."""
+    """Register a reader by its name. Raises ConfigError for an existing name, or no reader."""
+    of_type("reader", reader, Reader)
     if reader.name in reader_names():
         raise ConfigError(
             f"reader.name: {reader.name!r}, expected a name other than {', '.join(reader_names())}"
@@ -121,12 +122,9 @@ def detect_format(root: Path | str) -> str:
             f"{base}: data of several formats ({', '.join(guesses)}); name the format, or choose "
             "the folder of one dataset"
         )
-    layouts = "\n".join(
-        f"  {reader.title}: {layout}" for reader in _readers() for layout in reader.layouts
-    )
     raise DataError(
-        f"{base}: no dataset of a known layout; expected the folder that contains one of "
-        f"these:\n{layouts}"
+        f"{base}: no dataset of a known layout; expected the folder that contains one of these:",
+        lines=[f"  {reader.title}: {layout}" for reader in _readers() for layout in reader.layouts],
     )
 
 
@@ -172,8 +170,10 @@ def _name_layouts(reader: Reader) -> Iterator[None]:
             f" This looks like a {reader_of(name).title} folder: use format {name}."
             for name in guesses
         )
-        layouts = "\n".join(f"  {layout}" for layout in reader.layouts)
-        raise DataError(f"{reader.title}: {error}.{advice} Accepted layouts:\n{layouts}") from None
+        raise DataError(
+            f"{reader.title}: {error}.{advice} Accepted layouts:",
+            lines=[f"  {layout}" for layout in reader.layouts],
+        ) from None
 
 
 def _format_of_file(root: Path) -> str | None:

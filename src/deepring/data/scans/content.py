@@ -21,12 +21,14 @@ class ContentError(Exception):
 def content_of(path: Path | str) -> bytes:
     """The content of a scan file.
 
-    Raises BrokenScanError for a file that cannot be read, that is larger than 2 GiB, a Git LFS
-    pointer, or a file of macOS's metadata.
+    Raises BrokenScanError for a file that cannot be read, that is empty or larger than 2 GiB, for a
+    Git LFS pointer, and for a file of macOS's metadata.
     """
     path = Path(path)
     try:
         size = path.stat().st_size
+        if size == 0 and path.is_file():
+            raise BrokenScanError(f"scan {path}: 0 bytes, an empty file; expected a scan")
         if size > LARGEST:
             raise BrokenScanError(
                 f"scan {path}: {size} bytes; expected at most {LARGEST}, as one scan has"

@@ -23,7 +23,7 @@ def is_return(records: NDArray[np.floating]) -> NDArray[np.bool_]:
 
     Sensors and file formats write a beam without a return as NaN, infinity or (0, 0, 0).
     """
-    with np.errstate(invalid="ignore"):  # some NaN raise it
+    with np.errstate(invalid="ignore"):  # signalling NaN
         mask: NDArray[np.bool_] = np.isfinite(records).all(axis=1) & records.any(axis=1)
     return mask
 

@@ -11,6 +11,8 @@ from deepring.data.scans.content import ContentError
 #: NaN and infinity as the runtime of Windows writes them, and NaN with a payload.
 _NAN = re.compile(rb"(?<!\S)[-+]?(?:\d\.\d*#(?:QNAN|SNAN|IND)\d*|nan\(\w*\))(?!\S)", re.IGNORECASE)
 _INF = re.compile(rb"(?<!\S)([-+]?)\d\.\d*#INF\d*(?!\S)", re.IGNORECASE)
+#: Bytes that no text of numbers contains, some of which are spaces to a library.
+_OTHER = re.compile(rb"[^\t\n\v\f\r -~]")
 
 
 def text_rows(text: bytes, width: int) -> NDArray[np.float64]:
@@ -20,6 +22,8 @@ def text_rows(text: bytes, width: int) -> NDArray[np.float64]:
     """
     if not text.strip():
         return np.empty((0, width))
+    if _OTHER.search(text):
+        raise ContentError(_problem(text, width))
     if b"#" in text or b"(" in text:
         text = _INF.sub(rb"\1inf", _NAN.sub(b"nan", text))
     try:
@@ -34,16 +38,16 @@ def text_rows(text: bytes, width: int) -> NDArray[np.float64]:
 
 def _problem(text: bytes, width: int) -> str:
     for number, line in enumerate(text.splitlines(), start=1):
-        values = line.decode("latin-1").split()
+        values = line.split()
         if values and (len(values) != width or not all(map(_is_number, values))):
-            shown = " ".join(values)[:80]
+            shown = b" ".join(values)[:80].decode("latin-1")
             return f"line {number} after its header reads {shown!r}, not {width} numbers"
     return f"lines after its header other than {width} numbers"
 
 
-def _is_number(text: str) -> bool:
+def _is_number(word: bytes) -> bool:
     try:
-        float(text)
+        float(word)
     except ValueError:
         return False
-    return text.isascii() and "_" not in text
+    return not _OTHER.search(word) and b"_" not in word

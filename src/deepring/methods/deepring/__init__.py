@@ -22,7 +22,7 @@ from typing import Any, ClassVar
 from jaxtyping import Float, Shaped
 from torch import Tensor, nn
 
-from deepring.checks import one_of
+from deepring.checks import count, one_of
 from deepring.core.correlation import (
     circular_cross_correlation,
     shift_to_turn,
@@ -55,6 +55,9 @@ Both are taken over the weighted half spectrum. For the norm that is the full on
 
 SIMILARITIES = ("correlation", "l2", "cosine")
 """Similarities of two descriptors: correlation at the best rotation, or a distance without one."""
+
+#: Values of one level of the encoder, for one scan.
+_MOST_VALUES = 2**25
 
 _PERIOD = {"full": 2 * math.pi, "half": math.pi}
 
@@ -139,7 +142,7 @@ class DeepRing(NetworkMethod):
             representation.pool,
             representation.theta_range,
         )
-        columns = self.representation.columns // encoder.stem
+        columns = self.representation.columns // count("encoder.stem", encoder.stem, most=64)
         self.encoder = CircularUNet(
             encoder.widths,
             out_channels=channels_for(aggregation, columns),
@@ -149,8 +152,26 @@ class DeepRing(NetworkMethod):
             theta_range=representation.theta_range,
             stem=encoder.stem,
         )
+        self._check_size(encoder)
         self.aggregate = AGGREGATIONS[aggregation]
         self.normalise = NORMALISATIONS[normalisation]
+
+    def _check_size(self, encoder: EncoderSettings) -> None:
+        """Raise ConfigError unless the encoder can halve its input, which is of a bearable size."""
+        rows, columns = self.representation.rows, self.representation.columns
+        step = encoder.stem * self.encoder.stride
+        if rows % step or columns % step:
+            raise ConfigError(
+                f"encoder: stem {encoder.stem} and {len(encoder.widths)} levels divide rows and "
+                f"columns by {step}, expected a divisor of {rows} x {columns}; choose fewer levels "
+                "or other numbers of rows"
+            )
+        widest = max(width / 4**level for level, width in enumerate(encoder.widths))
+        if rows * columns * widest / encoder.stem**2 > _MOST_VALUES:
+            raise ConfigError(
+                f"encoder.widths: {list(encoder.widths)} over {rows} x {columns}, expected at most "
+                f"{_MOST_VALUES} values in a level; choose fewer channels, a stem or a pool"
+            )
 
     def forward(
         self, rasters: Shaped[Tensor, " batch *raster"]
@@ -175,6 +196,15 @@ class DeepRing(NetworkMethod):
         match = circular_cross_correlation(queries, database)
         turn = shift_to_turn(match.shift, queries.shape[-2], self.turn_period)
         return Comparison(match.score, turn)
+
+    @property
+    def descriptor_shape(self) -> tuple[int, int]:
+        """(θ, ω) of one descriptor."""
+        stem = self.settings.encoder.stem
+        rows, columns = self.representation.rows // stem, self.representation.columns // stem
+        kind = self.settings.aggregation.kind
+        channels = channels_for(kind, columns)
+        return rows, columns // 2 + 1 if kind in ("dft", "dft2") else channels
 
     @property
     def turn_period(self) -> float:

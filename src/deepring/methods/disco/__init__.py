@@ -63,6 +63,12 @@ class Disco(NetworkMethod):
         if settings.aligned is not None:
             count("disco.aligned", settings.aligned)
         self.encoder = DiscoUNet(heights, settings.widths, settings.padding)
+        if sectors % self.encoder.stride or rings % self.encoder.stride:
+            raise ConfigError(
+                f"disco.widths: {len(settings.widths)} levels divide sectors and rings by "
+                f"{self.encoder.stride}, expected a divisor of {sectors} x {rings}; choose fewer "
+                "levels or other numbers of sectors"
+            )
 
     def forward(
         self, rasters: Shaped[Tensor, "batch height theta r"]
@@ -100,6 +106,12 @@ class Disco(NetworkMethod):
     ) -> Float[Tensor, " d"]:
         """Turn (d,) from each entry (d, θ, r) to one query (θ, r), by phase correlation."""
         return shift_to_turn(phase_correlation(query, entries).shift, query.shape[-2])
+
+    @property
+    def descriptor_shape(self) -> tuple[int, int]:
+        """(θ, r) of one descriptor."""
+        _, sectors, rings = self.raster.shape
+        return sectors, rings
 
     def index(self, settings: SearchSettings | None = None) -> Index:  # noqa: ARG002
         """Exhaustive search of signatures, see `index_of`; takes no settings.

@@ -8,6 +8,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from deepring import checks
 from deepring.errors import ConfigError
 from deepring.nn.circular import CircularConv2d, circular_upsample
 from deepring.nn.unet import UNet
@@ -41,10 +42,7 @@ class DiscoUNet(UNet):
         widths: Sequence[int] = (64, 128, 256, 512),
         padding: PolarPadding = "zero",
     ) -> None:
-        if not widths or min(widths) < 1:
-            raise ConfigError(
-                f"disco.widths: {list(widths)}, expected at least one level, each above 0"
-            )
+        checks.widths("disco.widths", widths)
         if padding not in ("zero", "circular"):
             raise ConfigError(f"disco.padding: {padding!r}, expected 'zero' or 'circular'")
         super().__init__(

@@ -64,6 +64,11 @@ class EgoNnGlobal(NetworkMethod):
         """Negative Euclidean distance, at most 0; the turn is not known."""
         return Comparison(negative_distance(queries, database), None)
 
+    @property
+    def descriptor_shape(self) -> tuple[int]:
+        """Length of one descriptor."""
+        return (self.network.global_head.size,)
+
     def index(self, settings: SearchSettings | None = None) -> Index:  # noqa: ARG002
         """Exhaustive search by distance, see `index_of`; takes no settings."""
         return VectorIndex("l2")

@@ -12,6 +12,7 @@ import torch.nn.functional as F
 from jaxtyping import Float, Shaped
 from torch import Tensor, nn
 
+from deepring import checks
 from deepring.errors import ConfigError, DataError
 from deepring.nn import sparse
 from deepring.nn.sparse import PointNorm, SparseTensor, SubmanifoldConv
@@ -98,8 +99,7 @@ class Trunk(nn.Module):
 
     def __init__(self, in_channels: int = 1, widths: Sequence[int] = WIDTHS) -> None:
         super().__init__()
-        if not widths or min(widths) < 1:
-            raise ConfigError(f"egonn.widths: {list(widths)}, expected positive numbers")
+        checks.widths("egonn.widths", widths)
         sources = [widths[0], *widths[:-1]]
         self.stem = nn.Sequential(SubmanifoldConv(in_channels, widths[0], 5), PointNorm(widths[0]))
         self.down = nn.ModuleList(

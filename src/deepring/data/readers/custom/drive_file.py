@@ -20,6 +20,7 @@ from deepring.data.readers.kitti import read_calibration
 from deepring.data.scans.names import ending_of
 from deepring.errors import ConfigError, FileError
 from deepring.io.text import read_text
+from deepring.io.yaml_aliases import MOST_VALUES, expanded_size
 
 ENDINGS = (".yaml", ".yml")
 POSE_FORMATS = ("kitti", "tum")
@@ -84,11 +85,17 @@ def read_drives(path: Path | str) -> dict[str, DriveDescription]:
 def _load(file: Path) -> Any:
     text = read_text(file, "a YAML file that describes a drive")
     try:
-        return yaml.safe_load(text)
+        content = yaml.safe_load(text)
     except Exception as error:  # the library raises many types for invalid tags
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}" if mark is not None else "some line"
         raise ConfigError(f"{file}: invalid YAML at {where}; correct that line") from error
+    if expanded_size(content) > MOST_VALUES:
+        raise ConfigError(
+            f"{file}: aliases that stand for more than {MOST_VALUES} values; expected a few: write "
+            "them out"
+        )
+    return content
 
 
 def _drive(file: Path, name: str, values: dict[Any, Any], prefix: str) -> DriveDescription:

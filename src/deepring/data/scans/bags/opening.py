@@ -50,12 +50,17 @@ def open_bag(path: Path, opened: ExitStack) -> Bag:
     if not path.is_dir():
         if ending_of(path) not in CONTAINERS:
             raise FileError(f"expected an ending {', '.join(CONTAINERS)}, or a folder")
+        if is_lfs_pointer_file(path):
+            raise BrokenScanError(LFS_POINTER)
         part = _part(path)
         return Bag([part], topics_of([part.contents]), not part.contents.damage)
     if not (path / "metadata.yaml").is_file():
         raise FileError("no metadata.yaml in the folder; `ros2 bag reindex` makes it")
     folder = read_folder(path)
     files = folder.files
+    for file in files:
+        if is_lfs_pointer_file(file):
+            raise BrokenScanError(f"{file.name} {LFS_POINTER}")
     if folder.compressed:
         into = Path(opened.enter_context(TemporaryDirectory()))
         files = [_decompressed(file, into / file.stem) for file in files]
@@ -67,8 +72,6 @@ def open_bag(path: Path, opened: ExitStack) -> Bag:
 
 
 def _part(file: Path) -> Part:
-    if is_lfs_pointer_file(file):
-        raise FileError(f"{file.name} {LFS_POINTER}")
     container = CONTAINERS[ending_of(file)](file)
     try:
         return Part(container, container.contents())
