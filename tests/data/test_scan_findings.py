@@ -9,10 +9,8 @@ from hypothesis import strategies as st
 
 from deepring.data.inspection.figures import measure_ground, measure_scan, median_figures
 from deepring.data.inspection.scans import scan_findings
-from deepring.data.inspection.session import (
-    SAMPLE,
-    expect_usable,
-    inspect,
+from deepring.data.inspection.session import SAMPLE, expect_usable, inspect
+from deepring.data.inspection.session_scans import (
     measure_scans,
     measured_findings,
     repeated_findings,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from deepring.data.inspection.figures import FIELD, REACH, ScanFigures, measure_scan
 from deepring.data.inspection.finding import Finding
+from deepring.errors import BrokenScanError
 
 #: Share of tiny and huge coordinates: 0 in every scan, 0.3 to 0.9 with wrong types.
 MOST_ODD = 0.02
@@ -63,6 +64,13 @@ def scan_findings(
     ``ground_z`` is where the ground should be, None if not known.
     """
     return figure_findings(measure_scan(points), ground_z, single)
+
+
+def expect_plausible(points: NDArray[np.floating]) -> None:
+    """Raise BrokenScanError for points (n, 3) that cannot be those of a LiDAR, in metres."""
+    for finding in scan_findings(points, None):
+        if finding.unusable:
+            raise BrokenScanError(f"scan: {finding.found}; {finding.advice}")
 
 
 def figure_findings(
