@@ -10,7 +10,7 @@ from torch import Tensor
 
 from deepring.core.rigid import yaw_of
 from deepring.data.packed_rasters import pack, unpack
-from deepring.data.poses.pose_tables import rigid_rows
+from deepring.data.poses.rigid import rigid_rows
 from deepring.errors import DataError
 from deepring.rasters import BevRaster
 from deepring.search.block_store import BlockStore
