@@ -8,6 +8,7 @@ from deepring.data.scans.bag_files import bag_scans
 from deepring.data.scans.scan_files import read_scan
 from deepring.errors import BrokenScanError, DeepringError
 from deepring.io.git_lfs import is_lfs_pointer, is_lfs_pointer_file
+from deepring.localization.map import Map
 from helpers.bags import message, write_bag
 
 POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{0:064d}\nsize {{}}\n"
@@ -71,6 +72,12 @@ def test_tables_and_descriptions(tmp_path):
     (tmp_path / "calib.txt").write_text(POINTER.format(77))
     with pytest.raises(DeepringError, match=rf"calib\.txt: {WORDS}"):
         open_session("kitti", tmp_path)
+
+
+def test_maps(tmp_path):
+    (tmp_path / "a.map").write_text(POINTER.format(1234567))
+    with pytest.raises(DeepringError, match=rf"^map \S+a\.map: {WORDS}$"):
+        Map.open(tmp_path / "a.map")
 
 
 def test_other_files_are_none(tmp_path):

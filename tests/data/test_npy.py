@@ -74,7 +74,7 @@ def test_headers_of_other_programs_are_read(tmp_path, header, version):
             "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000000, 3)}",
             r"48 bytes after its header, not 12000000000000 for shape \(1000000000000, 3\)",
         ),
-        ("{'descr': '<f4', 'fortran_order': False, 'shape': (4 3)}", r"shape \(4 3\)"),
+        ("{'descr': '<f4', 'fortran_order': False, 'shape': (4 3)}", r"shape '\(4 3\)'"),
         ("{'descr': '|O', 'fortran_order': False, 'shape': (4, 3)}", r"an array of type '\|O'"),
         ("(" * 5000, "the header"),
     ],

@@ -85,6 +85,14 @@ def test_an_empty_cloud_has_no_points():
     assert cloud_records(message(POINTS[:0])).shape == (0, 3)
 
 
+@pytest.mark.parametrize("step", [2**31, 2**32 - 1])
+def test_a_point_of_gigabytes_is_refused(step):
+    cloud = message(POINTS)
+    cloud.point_step = step
+    with pytest.raises(BrokenScanError, match=f"{step} bytes for each point; expected at most"):
+        cloud_records(cloud)
+
+
 @pytest.mark.parametrize(
     ("index", "name", "value", "words"),
     [

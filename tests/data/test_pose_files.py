@@ -219,6 +219,7 @@ ROW = "a stamp and 2 numbers"
         ("1.5 2 3\n", None, "'1.5' is no whole number"),
         ("1 2 3\nstamp x y\n", None, "line 2 .* is no whole number"),
         ("1 2 3 # comment\n\n# only a comment\n1 2\n", None, "line 4 reads '1 2'"),
+        ("1,2,3\n\n  \n1,2,3\n", ",", "line 3 holds blanks alone"),
         ("", None, "contains no row"),
         ("# nothing\n", None, "contains no row"),
     ],

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from deepring.data.cache import RASTER_VERSION
 from deepring.errors import DeepringError
 from deepring.evaluation.descriptors import (
     file_name,
@@ -146,7 +147,8 @@ def test_rasters_of_two_versions_are_refused_together_but_each_is_scored(exporte
     method, _, outcome, _, query, database = exported("ring")
     made_by = {**query.made_by, "raster_version": 0}
     query = replace(query, made_by=made_by)
-    refuses("raster_version is 0 for the query and 1 for", method, query, database)
+    words = f"raster_version is 0 for the query and {RASTER_VERSION} for"
+    refuses(words, method, query, database)
     assert_same(score_descriptors(method, query, replace(database, made_by=made_by)), outcome)
 
 
@@ -341,3 +343,15 @@ def test_folders_without_pairs_are_refused(exported, tmp_path):
         getattr(pair, lost).unlink()
         with pytest.raises(DeepringError, match=f"__{lost}.safetensors: missing, but its other"):
             find_pairs(tmp_path)
+
+
+def test_a_pair_that_does_not_belong_together_is_named_by_its_files(exported, tmp_path):
+    *_, query, database = exported("ring")
+    pair = written(
+        tmp_path, replace(query, made_by={**query.made_by, "raster_version": 0}), database
+    )
+    files = (
+        r"road__test__query\.safetensors and .*road__test__database\.safetensors: .*raster_version"
+    )
+    with pytest.raises(DeepringError, match=files):
+        score_pair(pair)

@@ -65,3 +65,12 @@ def test_without_the_scans_the_rest_is_shown(run, tiny_nclt, tmp_path):
 def test_what_is_no_run_is_refused(tmp_path):
     with pytest.raises(DeepringError, match=r"no results\.csv"):
         report(tmp_path)
+
+
+def test_a_config_of_other_types_is_named(run, tmp_path):
+    (tmp_path / "results.csv").symlink_to(run / "results.csv")
+    config = (run / "config.yaml").read_text(encoding="utf-8")
+    for old, new in (("seed: 0", "seed: x"), ("overlap: refuse", "overlap: [refuse]")):
+        (tmp_path / "config.yaml").write_text(config.replace(old, new), encoding="utf-8")
+        with pytest.raises(DeepringError, match=rf"{tmp_path}/config\.yaml: .*evaluate it again"):
+            report(tmp_path)

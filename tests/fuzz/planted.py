@@ -58,9 +58,20 @@ def _fail(path: Path, text: str) -> str:
     raise KeyError(text)
 
 
+class _RawError(FileError):
+    """Its words are not escaped, as those of other errors are."""
+
+    raw = ""
+
+    def __str__(self) -> str:
+        return str(self.raw)
+
+
 def _refuse(words: str) -> Callable[[Path, str], str]:
     def refuse(path: Path, text: str) -> str:
-        raise FileError(words.format(path=path))
+        error = _RawError()
+        error.raw = words.format(path=path)
+        raise error
 
     return refuse
 

@@ -14,6 +14,7 @@ from deepring.data.readers.nclt import open_nclt
 from deepring.data.scans.scan_files import read_scan
 from deepring.errors import ConfigError
 from deepring.localization.location import (
+    CELLS_WITHOUT_RIVAL,
     FEW_CELLS,
     FIT_WITHOUT_RIVAL,
     AcceptanceThresholds,
@@ -31,14 +32,18 @@ values = st.one_of(
 
 
 @settings(derandomize=True, max_examples=300, deadline=None)
-@given(fit=values, ratio=values, cells=st.sampled_from([0, FEW_CELLS - 1, FEW_CELLS, 9999]))
+@given(
+    fit=values,
+    ratio=values,
+    cells=st.sampled_from([0, FEW_CELLS - 1, FEW_CELLS, CELLS_WITHOUT_RIVAL, 9999]),
+)
 @example(fit=0.3, ratio=math.inf, cells=500)
 @example(fit=0.3, ratio=math.nan, cells=500)
 def test_a_location_is_trusted_or_has_one_doubt(fit, ratio, cells):
     for thresholds in (AcceptanceThresholds(), LOOP_THRESHOLDS, AcceptanceThresholds(0.0, 0.0)):
         expected = fit >= thresholds.fit and ratio >= thresholds.ratio and cells >= FEW_CELLS
         if ratio == math.inf and thresholds.ratio > 0:
-            expected = expected and fit >= FIT_WITHOUT_RIVAL
+            expected = expected and fit >= FIT_WITHOUT_RIVAL and cells >= CELLS_WITHOUT_RIVAL
         assert bool(thresholds.accept(fit, ratio, cells)) == expected
         assert (thresholds.doubt(fit, ratio, cells) is None) == expected
         several = thresholds.accept(*(np.array([value, value]) for value in (fit, ratio, cells)))
@@ -51,6 +56,7 @@ def test_what_is_doubted_is_named():
     assert usual.doubt(0.3, 1.2, 500) == usual.doubt(0.3, math.nan, 500) == "ratio"
     assert usual.doubt(0.3, math.inf, 500) == "no rival"
     assert usual.doubt(0.9, 9.0, FEW_CELLS - 1) == "few cells"
+    assert usual.doubt(0.9, math.inf, CELLS_WITHOUT_RIVAL - 1) == "no rival"
     assert usual.doubt(math.nan, 9.0, 500) == "fit"
     # A stricter map asks no less where there is no rival; loops ask the same.
     assert AcceptanceThresholds(fit=0.5).doubt(0.45, math.inf, 500) == "fit"

@@ -15,6 +15,7 @@ from hydra.utils import get_object, instantiate
 from deepring.checks import at_least, count, positive
 from deepring.errors import ConfigError, DeepringError
 from deepring.experiment.plain_types import fits, in_words
+from deepring.text import shown
 
 #: Values of optimizers and schedules that torch takes whatever they are.
 _RANGES: dict[str, Callable[[str, Any], Any]] = {
@@ -202,5 +203,4 @@ def _name(target: Any) -> str:
 def _shown(value: Any) -> str:
     if value is None:
         return "null"
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:77]}..."
+    return shown(value, 80)

@@ -10,7 +10,7 @@ from omegaconf import OmegaConf
 from deepring.core.correlation import correlation_curves
 from deepring.data.cache import RasterCache
 from deepring.data.dataset import RetrievalSet
-from deepring.errors import DeepringError, FileError
+from deepring.errors import ConfigError, DeepringError, FileError
 from deepring.evaluation.matches import TopMatches, matches_in
 from deepring.evaluation.results import Result, read_results
 from deepring.evaluation.task import load_task, rows_of
@@ -61,7 +61,13 @@ def report(run: Path, failures: int = 6) -> str:
 
 
 def _config(run: Path) -> Config:
-    return check_config(OmegaConf.create(read_config(run / "config.yaml")))
+    path = run / "config.yaml"
+    try:
+        return check_config(OmegaConf.create(read_config(path)))
+    except ConfigError as error:
+        raise FileError(
+            f"{path}: {error}; expected the config of a run of this version; evaluate it again"
+        ) from error
 
 
 def _row(r: Result) -> tuple[str, ...]:

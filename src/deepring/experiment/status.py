@@ -12,6 +12,7 @@ from filelock import FileLock, Timeout
 from deepring import checks
 from deepring.errors import DataError, DeepringError, FileError, StoppedError
 from deepring.io.files import replacing
+from deepring.io.strict_json import read_json
 
 State = Literal["running", "finished", "failed", "interrupted"]
 
@@ -36,14 +37,14 @@ def read_status(folder: Path) -> Status | None:
     """
     path = folder / "status.json"
     try:
-        return _checked(Status(**json.loads(path.read_text(encoding="utf-8"))))
+        return _checked(Status(**read_json(path.read_text(encoding="utf-8"))))
     except FileNotFoundError:
         return None
     except DeepringError as error:
         reason = str(error)
     except OSError as error:
         reason = f"cannot be read ({error.strerror})"
-    except (ValueError, TypeError, RecursionError):
+    except (ValueError, TypeError):
         reason = "does not hold a status as JSON"
     raise FileError(
         f"{path}: {reason}; expected the status of a run; delete the file to run it again"

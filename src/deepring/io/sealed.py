@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from deepring.errors import ConfigError, DataError, DeepringError, FileError
 from deepring.io.files import replacing
+from deepring.io.git_lfs import LFS_POINTER, is_lfs_pointer_file
 from deepring.io.strict_json import read_json
 from deepring.io.tensor_types import TensorTypes, check_tensors, check_values, dtype_of
 from deepring.io.typed import field_values, typed
@@ -195,6 +196,8 @@ def _read(path: Path, format: SealedFormat[Any]) -> "tuple[dict[str, str], dict[
             tensors = {name: file.get_tensor(name) for name in sorted(file.keys())}
             return file.metadata() or {}, tensors
     except Exception as error:  # the libraries raise many types for a damaged file
+        if is_lfs_pointer_file(path):
+            raise FileError(f"{format.kind} {path}: {LFS_POINTER}") from error
         raise FileError(
             f"{format.kind} {path}: no complete safetensors file: of another type, cut short or "
             f"altered; expected {format.description}; copy it again, or {format.remedy}"

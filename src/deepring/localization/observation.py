@@ -13,8 +13,8 @@ from deepring.methods.deepring import DeepRing
 from deepring.rasters import BevRaster
 from deepring.rasters.blank import blank_reason
 
-#: Occupied cells that an image needs. Of unrelated scenes cut down to 8 cells in a heap, half fit
-#: each other at 0.6 or better: such an image stands for nothing. See also `FEW_CELLS`.
+#: Occupied cells that an image needs. Of unrelated scans cut down to 12 cells in a heap, half fit
+#: each other at 0.57 or better, as neighbours do: it stands for nothing. See also `FEW_CELLS`.
 LEAST_CELLS = 10
 
 

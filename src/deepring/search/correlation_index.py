@@ -176,9 +176,8 @@ class CorrelationIndex:
             best = self._among_candidates(queries, self.code, k, number)
         if not bool((torch.isfinite(best.score) & (best.place >= 0)).all()):
             raise DataError(
-                "index: places or queries whose similarity is no finite number; expected "
-                "descriptors of finite numbers; look for a training that diverged, or build the "
-                "index again"
+                "index: places whose similarity is no finite number, expected finite descriptors; "
+                "build the index again"
             )
         turn = shift_to_turn(best.shift, queries.shape[-2], self.period)
         return Hits(best.place, best.score / self.cells, turn)

@@ -7,6 +7,7 @@ from typing import Any
 from zlib import crc32
 
 from fuzz.decoders import cloud_message
+from fuzz.decoders.points import some
 from fuzz.files import UndecidedError, UndecodableError
 
 Messages = list[tuple[int, bytes]]
@@ -20,7 +21,7 @@ def scans(messages: Messages, cdr: bool) -> list[Any]:
     found = []
     for time, content in messages:
         read = cloud_message.of_cdr(content) if cdr else cloud_message.of_ros1(content)
-        found.append([read.stamp or time, cloud_message.points_of(read)])
+        found.append([read.stamp or time, some(cloud_message.points_of(read))])
     if not found:
         raise UndecodableError("no messages")
     return found
@@ -33,7 +34,7 @@ def rosbag1(content: bytes) -> list[Any]:
         raise UndecodableError("no bag of version 2.0")
     head: dict[str, bytes] = {}
     connections: dict[int, str] = {}
-    chunks: list[list[tuple[int, int, bytes, int]]] = []
+    chunks: list[list[tuple[int, bytes, int]]] = []
     positions, indexed, infos, index_at = [], [], {}, None
     for at, fields, data in _records(content, len(magic)):
         op = _field(fields, "op", "B")
@@ -46,13 +47,13 @@ def rosbag1(content: bytes) -> list[Any]:
                 raise UndecodableError("a chunk of another size")
             chunks.append(list(_chunk(data)))
             positions.append(at)
-            indexed.append(set())
+            indexed.append({})
         elif op == 4 and chunks:
             connection = _field(fields, "conn", "I")
             if len(data) != 12 * _field(fields, "count", "I"):
                 raise UndecodableError("an index of another size")
             for s, ns, offset in struct.iter_unpack("<III", data):
-                indexed[-1].add((connection, s * 10**9 + ns, offset))
+                indexed[-1][connection, offset] = s * 10**9 + ns
         elif op == 7:
             index_at = at if index_at is None else index_at
             inner = _fields(data)
@@ -71,7 +72,7 @@ def rosbag1(content: bytes) -> list[Any]:
         raise UndecodableError("a header other than the records")
     messages = []
     for position, chunk, index in zip(positions, chunks, indexed, strict=True):
-        if {(connection, time, at) for connection, time, _, at in chunk} != index:
+        if {(connection, at) for connection, _, at in chunk} != set(index):
             raise UndecodableError("an index other than the chunk")
         counts: dict[int, int] = {}
         for connection, *_ in chunk:
@@ -79,25 +80,20 @@ def rosbag1(content: bytes) -> list[Any]:
         if counts != infos[position]:
             raise UndecodableError("a chunk info other than the chunk")
         messages += [
-            (time, data)
-            for connection, time, data, _ in chunk
+            (index[connection, at], data)
+            for connection, data, at in chunk
             if connections.get(connection) == "sensor_msgs/PointCloud2"
         ]
     messages.sort(key=lambda message: message[0])
     return scans(messages, cdr=False)
 
 
-def _chunk(data: bytes) -> Iterator[tuple[int, int, bytes, int]]:
-    """(connection, time, content, offset) of the messages in a chunk."""
+def _chunk(data: bytes) -> Iterator[tuple[int, bytes, int]]:
+    """(connection, content, offset) of the messages in a chunk."""
     for at, fields, content in _records(data, 0):
         op = _field(fields, "op", "B")
         if op == 2:
-            s, ns = (
-                struct.unpack("<II", fields["time"])
-                if len(fields.get("time", b"")) == 8
-                else (0, 0)
-            )
-            yield _field(fields, "conn", "I"), s * 10**9 + ns, content, at
+            yield _field(fields, "conn", "I"), content, at
         elif op != 7:
             raise UndecodableError("a record of another kind in a chunk")
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from deepring.data.scans.bag_files import bag_scans
-from deepring.data.scans.point_cloud2 import cloud_points
+from deepring.data.scans.point_cloud2 import cloud_records
 from fuzz.decoders import bags
 from fuzz.decoders.cloud_message import CloudMessage, encoded, of_cdr, points_of
 from fuzz.files import Files, Format, Mutation, in_memory, read_back
@@ -70,7 +70,7 @@ def formats() -> Iterator[Format]:
 def _scans(file: str, folder: Path) -> Any:
     found = []
     for scan in bag_scans(folder / file):
-        found.append([scan.stamp, _kept(scan.points)])
+        found.append([scan.stamp, scan.read().tolist()])
     return found
 
 
@@ -123,7 +123,7 @@ def _points(folder: Path) -> Any:
         **{"point_step": read.point_step, "row_step": read.row_step, "fields": fields},
     }
     with in_memory():
-        points = cloud_points(SimpleNamespace(**values, data=np.frombuffer(read.data, np.uint8)))
+        points = cloud_records(SimpleNamespace(**values, data=np.frombuffer(read.data, np.uint8)))
     return _kept(points)
 
 

@@ -57,6 +57,8 @@ def _problem(path: Path, row: np.dtype, delimiter: str | None, seconds: bool) ->
     rows = 0
     for number, line in enumerate(read_text(path, "text").splitlines(), start=1):
         text = line.partition("#")[0].strip()
+        if not text and line.partition("#")[0] and delimiter is not None:
+            return f"line {number} holds blanks alone"
         if text:
             rows += 1
             problem = _row_problem(text, parsers, delimiter, first=rows == 1)

@@ -83,7 +83,7 @@ def _header(content: bytes) -> _Header:
     entries = _entries(content[start:end].decode("latin-1"))
     numbers = _NUMBERS.fullmatch(entries["descr"][1:-1])
     if numbers is None:
-        raise ContentError(f"an array of type {entries['descr'][:40]}, not of real numbers")
+        raise ContentError(f"an array of type {entries['descr'][1:-1][:40]!r}, not of real numbers")
     shape = tuple(int(number.rstrip("L")) for number in _dimensions(entries["shape"]))
     kind = np.dtype(entries["descr"][1:-1])
     return _Header(kind, shape, entries["fortran_order"] == "True", end)
@@ -113,5 +113,5 @@ def _dimensions(text: str) -> list[str]:
     if numbers and not numbers[-1]:
         numbers.pop()
     if any(not re.fullmatch(r"\d{1,18}L?", number) for number in numbers):
-        raise ContentError(f"shape {text[:80]} in its header")
+        raise ContentError(f"shape {text[:80]!r} in its header")
     return numbers

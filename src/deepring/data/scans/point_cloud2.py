@@ -19,6 +19,8 @@ _NAMES = {
     7: "FLOAT32",
     8: "FLOAT64",
 }
+#: Bytes of a point; NumPy takes no more than 2 GB.
+_LARGEST_STEP = 1 << 20
 #: NumPy types of those that coordinates may have.
 _FLOATS = {7: "f4", 8: "f8"}
 
@@ -76,6 +78,10 @@ def _layout(message: Any) -> np.dtype[np.void]:
     step = int(message.point_step)
     ends = [offset + int(form[1]) for offset, form in zip(offsets, formats, strict=True)]
     spans = sorted(zip(offsets, ends, strict=True))
+    if step > _LARGEST_STEP:
+        raise BrokenScanError(
+            f"PointCloud2: {step} bytes for each point; expected at most {_LARGEST_STEP}"
+        )
     if min(offsets) < 0 or max(ends) > step or any(a[1] > b[0] for a, b in pairwise(spans)):
         raise BrokenScanError(
             f"PointCloud2: x, y and z at bytes {', '.join(map(str, offsets))}; expected them one "
