@@ -389,7 +389,7 @@ def test_a_git_lfs_pointer_is_called_so(kind, tmp_path):
     path = write_bag(tmp_path, kind, {"/points": CLOUDS})
     pointer = f"version https://git-lfs.github.com/spec/v1\noid sha256:{0:064d}\nsize 9\n"
     file_of(path).write_text(pointer)
-    with pytest.raises(FileError, match=r"drive\.\w+ is a Git LFS pointer, not the file itself"):
+    with pytest.raises(BrokenScanError, match=r"drive\.\w+:? is a Git LFS pointer, not the file"):
         next(bag_scans(path))
 
 
