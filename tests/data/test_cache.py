@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from deepring.core.rigid import turn_points
 from deepring.data import cache as cache_module
+from deepring.data import raster_file
 from deepring.data.cache import RasterCache
 from deepring.data.packed_rasters import Rasters, pack, unpack
 from deepring.data.scan_set import ScanSet
@@ -75,7 +76,8 @@ def scan_set(folder, n=6, **changes):
 
 def rows_of(path):
     with contextlib.closing(sqlite3.connect(path)) as database:
-        return database.execute("SELECT path, image FROM rasters").fetchall()
+        rows = database.execute("SELECT path, image FROM rasters").fetchall()
+    return [(os.fsdecode(path), image) for path, image in rows]
 
 
 @pytest.mark.parametrize("kind", RASTERS)
@@ -366,8 +368,8 @@ def write_for_ever(path, ready):
     """Hold a transaction that has spilled to the disk, until killed."""
     database = sqlite3.connect(path)
     database.execute("PRAGMA cache_size = 2")
-    rows = ((b"k", f"{k}", 1, 1, bytes(5000)) for k in range(500))
-    database.executemany("INSERT OR REPLACE INTO rasters VALUES (?, ?, ?, ?, ?)", rows)
+    rows = ((b"k", b"%d" % k, 1, 1, bytes(5000), 0) for k in range(500))
+    database.executemany("INSERT OR REPLACE INTO rasters VALUES (?, ?, ?, ?, ?, ?)", rows)
     ready.set()
     time.sleep(60)
 
@@ -445,16 +447,96 @@ def other_columns(path):
         database.execute("CREATE TABLE rasters (settings BLOB, image BLOB)")
 
 
-@pytest.mark.parametrize("damage", [overwrite_all, overwrite_pages, other_columns])
-def test_a_damaged_file_is_an_error_that_says_what_to_delete(damage, tmp_path):
+def cut_short(path):
+    path.write_bytes(path.read_bytes()[:9000])
+
+
+def of_before(path):
+    """The table of the version without checksums."""
+    path.unlink()
+    with contextlib.closing(sqlite3.connect(path)) as database:
+        database.execute(
+            "CREATE TABLE rasters (settings BLOB, path TEXT, size INTEGER, changed_ns INTEGER, "
+            "image BLOB, PRIMARY KEY (settings, path)) WITHOUT ROWID"
+        )
+
+
+def a_trigger(path):
+    with contextlib.closing(sqlite3.connect(path)) as database:
+        database.execute("CREATE TRIGGER t AFTER INSERT ON rasters BEGIN DELETE FROM rasters; END")
+
+
+@pytest.mark.parametrize(
+    "damage", [overwrite_all, overwrite_pages, other_columns, cut_short, of_before, a_trigger]
+)
+def test_a_file_that_is_no_whole_cache_is_set_aside_and_made_anew_said_once(
+    damage, tmp_path, caplog
+):
     cache, scans = RasterCache(tmp_path / "cache"), scan_set(tmp_path / "s", n=40)
-    cache.load(scans, SMALL)
+    first = cache.load(scans, SMALL)[1].data
     damage(cache.path)
-    with pytest.raises(DeepringError, match=r"raster cache.*delete") as caught:
+    content = cache.path.read_bytes()
+    assert np.array_equal(cache.load(scans, SMALL)[1].data, first)
+    aside = cache.path.with_name("rasters.sqlite.corrupt")
+    assert aside.read_bytes() == content
+    (said,) = caplog.messages
+    assert str(cache.path) in said
+    assert aside.name in said
+    reads.clear()
+    assert np.array_equal(cache.load(scans, SMALL)[1].data, first)
+    assert (len(reads), len(caplog.messages)) == (0, 1)
+
+
+@settings(deadline=None, max_examples=60)
+@given(data=st.data())
+def test_a_flipped_bit_anywhere_changes_no_raster(tmp_path_factory, data):
+    folder = tmp_path_factory.getbasetemp() / "flips"
+    cache, scans = RasterCache(folder / "cache"), scan_set(folder / "s", n=40)
+    first = cache.load(scans, SMALL)[1].data
+    content = bytearray(cache.path.read_bytes())
+    content[data.draw(st.integers(0, len(content) - 1))] ^= 1 << data.draw(st.integers(0, 7))
+    cache.path.write_bytes(content)
+    assert np.array_equal(cache.load(scans, SMALL)[1].data, first)
+
+
+@pytest.mark.parametrize("column", ["size", "changed_ns", "image", "checksum"])
+@pytest.mark.parametrize("value", [None, -1, 2**62, 0.5, "text", b"", bytes(72), bytes(10**5)])
+def test_rows_that_are_not_as_they_were_stored_are_made_again(column, value, tmp_path, caplog):
+    cache, scans = RasterCache(tmp_path / "cache"), scan_set(tmp_path / "s")
+    first = cache.load(scans, SMALL)[1].data
+    with contextlib.closing(sqlite3.connect(cache.path)) as database, database:
+        database.execute(f"UPDATE rasters SET {column} = ?", [value])
+    assert np.array_equal(cache.load(scans, SMALL)[1].data, first)
+    assert len(reads) == 12
+    (said,) = caplog.messages
+    assert "6 damaged rasters" in said
+
+
+def test_a_file_that_another_process_has_made_anew_is_not_set_aside(tmp_path, caplog):
+    cache, scans = RasterCache(tmp_path / "cache"), scan_set(tmp_path / "s")
+    cache.load(scans, SMALL)
+    file = raster_file.RasterFile(cache.path)
+
+    def damaged_until_another_made_it_anew(database):
+        if not cache.path.with_name("mine").exists():
+            cache.path.rename(cache.path.with_name("mine"))
+            RasterCache(cache.path.parent).load(scans, SMALL)
+            raise sqlite3.DatabaseError("file is not a database")
+        return database.execute("SELECT count(*) FROM rasters").fetchone()
+
+    assert file._attempt(damaged_until_another_made_it_anew) == (6,)
+    assert not caplog.messages
+
+
+def test_names_that_are_no_text_are_kept(tmp_path):
+    file = tmp_path / os.fsdecode(b"\xff.npy")
+    np.save(file, np.load(session(tmp_path / "s").files[0]))
+    scans = ScanSet(replace(session(tmp_path / "s", n=1), files=(file,)), np.arange(1))
+    cache = RasterCache(tmp_path / "cache")
+    reads.clear()
+    for _ in range(2):
         cache.load(scans, SMALL)
-    assert str(cache.path) in str(caught.value)
-    cache.path.unlink()
-    assert len(cache.load(scans, SMALL)[1]) == 40
+    assert reads == [file]
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):

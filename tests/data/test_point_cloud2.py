@@ -128,6 +128,7 @@ def test_fields_that_are_no_coordinates_are_refused(index, name, value, words):
         (2, {"height": 1, "row_step": 72}),
         (2, {"height": 3}),
         (1, {"point_step": 16}),
+        (1, {"point_step": 2**32 - 4}),
         (2, {"width": 2**31, "height": 2**31}),
         (1, {"height": 2**32 - 1, "width": 1, "row_step": 2**32 - 1}),
     ],

@@ -140,8 +140,8 @@ def test_nothing_to_show_says_what_was_expected(tmp_path):
         ("versions.json", "{}", r"versions\.json: no git_commit"),
         ("versions.json", '{"git_commit": []}', r"versions\.json: git_commit: a list"),
         ("status.json", "{", r"status\.json"),
-        ("status.json", '{"error":' * 3000, r"status\.json: does not hold a status"),
-        ("status.json", '{"state": "finished", "score": NaN}', r"score: nan, expected a number"),
+        ("status.json", '{"error":' * 3000, r"status\.json: JSON: nested too deeply"),
+        ("status.json", '{"state": "finished", "score": NaN}', r"JSON: NaN, expected finite"),
     ],
 )
 def test_a_file_that_cannot_be_read_is_named(tmp_path, file, content, message):

@@ -4,11 +4,11 @@ import argparse
 import sys
 
 from deepring.cli.mistakes import MISTAKE
-from deepring.cli.visible import visible
 from deepring.data.inspection.check import check
 from deepring.data.inspection.check_json import report_json
 from deepring.data.inspection.check_text import report_lines
 from deepring.progress import progress_bar
+from deepring.text import printable
 
 DOUBTFUL = 1
 #: Exit status of each verdict.
@@ -23,6 +23,6 @@ def data_command(args: argparse.Namespace) -> None:
     if args.form == "json":
         print(report_json(args.root, reports, status))
     else:
-        print("\n".join(map(visible, report_lines(reports))))
+        print("\n".join(map(printable, report_lines(reports))))
     if status:
         sys.exit(status)

@@ -15,7 +15,6 @@ from rich.table import Table
 
 from deepring.cli.console import console
 from deepring.cli.mistakes import MISTAKE, error_message
-from deepring.cli.visible import visible
 from deepring.cli.warnings import say_skipped
 from deepring.data.inspection.scans import expect_plausible
 from deepring.data.readers import open_session
@@ -27,6 +26,7 @@ from deepring.errors import DeepringError
 from deepring.localization.location import Location
 from deepring.localization.map import Map
 from deepring.progress import progress_bar
+from deepring.text import printable
 
 #: What the table says about trust; doubts not listed here say that one cannot tell.
 _TRUST = {None: "yes", "fit": "no", "ratio": "no"}
@@ -59,7 +59,7 @@ def localize_command(args: argparse.Namespace) -> None:
     if rows or not failures:
         _PRINT[args.form](rows)
     for message in failures:
-        print(f"error: {visible(message)}", file=sys.stderr)
+        print(f"error: {printable(message)}", file=sys.stderr)
     if failures:
         sys.exit(1 if rows else MISTAKE)
 

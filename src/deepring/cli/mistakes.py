@@ -5,9 +5,9 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-from deepring.cli.visible import visible
 from deepring.errors import DeepringError, StoppedError
 from deepring.io.files import reason_of
+from deepring.text import printable
 
 #: Exit status of a user's mistake, as of argparse.
 MISTAKE = 2
@@ -38,7 +38,7 @@ def report_mistakes(flags: Mapping[str, str]) -> Iterator[None]:
     except Exception as error:
         if not is_mistake(error):
             raise
-        print(f"error: {visible(error_message(error, flags))}", file=sys.stderr)
+        print(f"error: {printable(error_message(error, flags))}", file=sys.stderr)
         sys.exit(INTERRUPTED if isinstance(error, StoppedError) else MISTAKE)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NoReturn
 
 from deepring.cli.mistakes import MISTAKE
-from deepring.cli.visible import visible
+from deepring.text import printable
 
 #: Messages of argparse, and our own in their place.
 _ERRORS = (
@@ -47,7 +47,7 @@ class Parser(argparse.ArgumentParser):
             if re.fullmatch(theirs, message, re.DOTALL):
                 message = re.sub(theirs, ours, message, flags=re.DOTALL)
                 break
-        print(f"error: {visible(message)}; see {self.prog} --help", file=sys.stderr)
+        print(f"error: {printable(message)}; see {self.prog} --help", file=sys.stderr)
         sys.exit(MISTAKE)
 
 

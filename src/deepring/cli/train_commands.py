@@ -20,7 +20,6 @@ from deepring.cli.mistakes import INTERRUPTED, is_mistake, report_mistakes
 from deepring.cli.output_streams import open_streams
 from deepring.cli.overrides import checked, is_sweep, quoted, value_of
 from deepring.cli.process import tune_process
-from deepring.cli.visible import visible
 from deepring.errors import ConfigError
 from deepring.evaluation.results import Result
 from deepring.experiment.config import EvaluationSettings, check_config
@@ -36,6 +35,7 @@ from deepring.experiment.sweep_outcomes import (
 )
 from deepring.progress import silence
 from deepring.reports.results_table import render, render_radii
+from deepring.text import printable
 
 #: Config keys of the library's arguments, by name.
 _KEYS = {
@@ -83,7 +83,7 @@ def report_sweep(outcomes: SweepOutcomes) -> int:
     finished, failed = outcomes.finished, outcomes.failed
     console.print(f"sweep        {len(finished)} of {len(finished) + len(failed)} jobs finished")
     for folder, error in failed:
-        print(visible(f"failed       {folder.name}: {error}"), file=sys.stderr)
+        print(printable(f"failed       {folder.name}: {error}"), file=sys.stderr)
     if finished:
         sweep = _from_here(finished[0].parent)
         if any((folder / "results.csv").is_file() for folder in finished):

@@ -2,26 +2,25 @@
 
 Its SQLite file tolerates a kill during a write and several processes. The key of a row is the
 raster's settings and the scan's path; a row is valid while size and modification time of the scan
-file are unchanged. A BEV of 120 x 120 cells takes 1.8 kB.
+file are unchanged. A BEV of 120 x 120 cells takes 1.8 kB. `deepring.data.raster_file` says what
+becomes of damaged rows and files.
 """
 
 import hashlib
 import json
 import logging
-import sqlite3
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, contextmanager
-from dataclasses import dataclass, is_dataclass
+from dataclasses import is_dataclass
 from pathlib import Path
 
 import numpy as np
 
 from deepring.data.left_out import LeftOut
-from deepring.data.packed_rasters import Rasters, pack, unpack
+from deepring.data.packed_rasters import Rasters, pack, packed_bytes, unpack
+from deepring.data.raster_file import RasterFile, RasterKey
 from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
-from deepring.errors import BrokenScanError, DataError, FileError
+from deepring.errors import BrokenScanError, DataError
 from deepring.progress import Bar, Progress, progress_bar
 from deepring.rasters import Raster, raster_settings
 
@@ -29,9 +28,6 @@ log = logging.getLogger(__name__)
 
 #: Increase this when a code change alters the rasters of the same settings.
 RASTER_VERSION = 1
-
-#: Rows per query; SQLite accepts only a few thousand values per query.
-QUERY_ROWS = 400
 
 #: Scans per transaction: the most that a kill loses, and that a second process waits for.
 BATCH = 64
@@ -56,53 +52,31 @@ class RasterCache:
         """The readable scans, their rasters, and the reason for each unreadable scan."""
         keys = _keys(scans, raster)
         broken: list[str] = []
-        with self._database() as database:
-            rows = [_unless_blank(row, raster) for row in _find(database, keys)]
-            missing = [k for k, row in enumerate(rows) if row is None]
-            count = len(scans) - len(missing)
-            if progress is not None:
-                progress(count, len(scans))
-            with ThreadPoolExecutor(self.workers) as pool:
-                for start in range(0, len(missing), BATCH):
-                    batch = missing[start : start + BATCH]
-                    images = pool.map(lambda k: _rasterize(scans, k, raster), batch)
-                    for k, image in zip(batch, images, strict=True):
-                        if isinstance(image, BrokenScanError):
-                            broken.append(str(image))
-                        else:
-                            rows[k] = image
-                    _store(database, [(keys[k], rows[k]) for k in batch if rows[k] is not None])
-                    count += len(batch)
-                    if progress is not None:
-                        progress(count, len(scans))
+        file = RasterFile(self.path)
+        rows = [_unless_blank(row, raster) for row in file.find(keys, packed_bytes(raster))]
+        missing = [k for k, row in enumerate(rows) if row is None]
+        count = len(scans) - len(missing)
+        if progress is not None:
+            progress(count, len(scans))
+        with ThreadPoolExecutor(self.workers) as pool:
+            for start in range(0, len(missing), BATCH):
+                batch = missing[start : start + BATCH]
+                images = pool.map(lambda k: _rasterize(scans, k, raster), batch)
+                for k, image in zip(batch, images, strict=True):
+                    if isinstance(image, BrokenScanError):
+                        broken.append(str(image))
+                    else:
+                        rows[k] = image
+                file.store([(keys[k], row) for k in batch if (row := rows[k]) is not None])
+                count += len(batch)
+                if progress is not None:
+                    progress(count, len(scans))
         readable = np.array([row is not None for row in rows], dtype=np.bool_)
         values = [row for row in rows if row is not None]
         dtype = np.uint8 if raster.dtype == np.bool_ else raster.dtype
         data = np.frombuffer(bytearray().join(values), dtype=dtype)
         data = data.reshape(len(values), -1 if values else 0)
         return scans.subset(readable), Rasters(data, raster), tuple(broken)
-
-    @contextmanager
-    def _database(self) -> Iterator[sqlite3.Connection]:
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise FileError(
-                f"raster cache: folder {self.path.parent} cannot be created ({error.strerror}); "
-                "choose another one"
-            ) from error
-        try:
-            with closing(sqlite3.connect(self.path, timeout=60.0)) as database:
-                database.execute(
-                    "CREATE TABLE IF NOT EXISTS rasters (settings BLOB, path TEXT, size INTEGER, "
-                    "changed_ns INTEGER, image BLOB, PRIMARY KEY (settings, path)) WITHOUT ROWID"
-                )
-                yield database
-        except sqlite3.Error as error:
-            raise FileError(
-                f"raster cache: {self.path} is damaged, not a file of rasters, or not writable; "
-                "delete it, or choose another folder"
-            ) from error
 
 
 def load_rasters(
@@ -125,17 +99,7 @@ def load_rasters(
     return readable, rasters
 
 
-@dataclass(frozen=True)
-class _Key:
-    """Key of a row, and the size and modification time of its scan file."""
-
-    settings: bytes
-    path: str
-    size: int
-    changed_ns: int
-
-
-def _keys(scans: ScanSet, raster: Raster) -> list[_Key]:
+def _keys(scans: ScanSet, raster: Raster) -> list[RasterKey]:
     settings = {
         "version": RASTER_VERSION,
         "reader": _decoding(scans.session),
@@ -156,7 +120,7 @@ def _keys(scans: ScanSet, raster: Raster) -> list[_Key]:
         if turn not in digests:
             text = json.dumps({**settings, "turn": turn}, sort_keys=True)
             digests[turn] = hashlib.sha256(text.encode()).digest()
-        keys.append(_Key(digests[turn], str(path), size, changed))
+        keys.append(RasterKey(digests[turn], str(path), size, changed))
     return keys
 
 
@@ -169,40 +133,12 @@ def _decoding(session: Session) -> str:
     return f"{reader.__module__}.{name}"
 
 
-def _find(database: sqlite3.Connection, keys: list[_Key]) -> list[bytes | None]:
-    """The rasters of the keys, `QUERY_ROWS` per query; None for missing or outdated ones."""
-    images: list[bytes | None] = []
-    for start in range(0, len(keys), QUERY_ROWS):
-        part = keys[start : start + QUERY_ROWS]
-        values = ", ".join(["(?, ?)"] * len(part))
-        entries = {
-            (settings, path): (size, changed, image)
-            for settings, path, size, changed, image in database.execute(
-                f"SELECT * FROM rasters WHERE (settings, path) IN (VALUES {values})",
-                [value for key in part for value in (key.settings, key.path)],
-            )
-        }
-        for key in part:
-            size, changed, image = entries.get((key.settings, key.path), (None, None, None))
-            fresh = (size, changed) == (key.size, key.changed_ns)
-            images.append(image if fresh else None)
-    return images
-
-
 def _unless_blank(row: bytes | None, raster: Raster) -> bytes | None:
     """The row; None if nothing is to be seen in it, as earlier versions stored some."""
     if row is None:
         return None
     dtype = np.uint8 if raster.dtype == np.bool_ else raster.dtype
     return None if raster.is_blank(unpack(np.frombuffer(row, dtype), raster)) else row
-
-
-def _store(database: sqlite3.Connection, rows: list[tuple[_Key, bytes | None]]) -> None:
-    with database:
-        database.executemany(
-            "INSERT OR REPLACE INTO rasters VALUES (?, ?, ?, ?, ?)",
-            [(key.settings, key.path, key.size, key.changed_ns, image) for key, image in rows],
-        )
 
 
 def _rasterize(scans: ScanSet, k: int, raster: Raster) -> bytes | BrokenScanError:

@@ -1,5 +1,6 @@
 """Rasters of many scans in memory, with occupancy as bits."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +29,12 @@ class Rasters:
 def pack(image: NDArray[Any], raster: Raster) -> NDArray[Any]:
     """One raster as flat values, bool as bits in uint8."""
     return np.packbits(image) if raster.dtype == np.bool_ else image.ravel()
+
+
+def packed_bytes(raster: Raster) -> int:
+    """Bytes of one packed raster."""
+    values = math.prod(raster.shape)
+    return -(-values // 8) if raster.dtype == np.bool_ else values * raster.dtype.itemsize
 
 
 def unpack(data: NDArray[Any], raster: Raster) -> NDArray[Any]:

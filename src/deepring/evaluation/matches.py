@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 from deepring.errors import DataError, DeepringError, FileError
 from deepring.evaluation.case import Case
 from deepring.evaluation.csv_errors import CSV_ERRORS, csv_reason
+from deepring.evaluation.csv_numbers import real_number, whole_number
 from deepring.evaluation.distances import HasPositions, distances_to
 from deepring.io.files import replacing
+from deepring.io.strict_json import read_json
 from deepring.search.hits import Hits
+from deepring.text import shown
 
 #: The folder of these files in a run's folder.
 FOLDER = "retrievals"
@@ -157,11 +160,11 @@ def _case_at(path: Path) -> Case:
     except CSV_ERRORS as error:
         raise FileError(f"{path}: {csv_reason(error)}; {_EXPECTED}") from error
     try:
-        return Case(**json.loads(line.removeprefix("# ")))
-    except (DeepringError, TypeError, ValueError, RecursionError):
+        return Case(**read_json(line.removeprefix("# ")))
+    except (DeepringError, TypeError):
         columns = json.dumps(dict.fromkeys(Case.__dataclass_fields__, "..."))
         raise FileError(
-            f"{path}, line 1: {line.strip()[:80]!r}; expected '# ' and {columns}; {_AGAIN}"
+            f"{path}, line 1: {shown(line.strip(), 80)}; expected '# ' and {columns}; {_AGAIN}"
         ) from None
 
 
@@ -172,17 +175,17 @@ def _parse(
         query, place, score, turn, distance, nearest = row
         angle = _float32(turn) if turn else None
         scans = _scan(query), _scan(place)
-        return *scans, _float32(score), angle, _float32(distance), _float32(nearest)
+        return *scans, _float32(score), angle, _metres(distance), _metres(nearest)
     except ValueError:
         raise FileError(
-            f"{path}, line {line}: {','.join(row)!r}; expected two whole numbers and four floats "
-            f"({', '.join(COLUMNS)}), the turn empty if it is unknown; {_AGAIN}"
+            f"{path}, line {line}: {shown(','.join(row))}; expected two whole numbers and four "
+            f"floats ({', '.join(COLUMNS)}), the turn empty if it is unknown; {_AGAIN}"
         ) from None
 
 
 def _scan(text: str) -> int:
     """The number of a scan."""
-    if not 0 <= int(text) < 2**63:
+    if not 0 <= whole_number(text) < 2**63:
         raise ValueError("no number of a scan")
     return int(text)
 
@@ -192,9 +195,17 @@ _LARGEST = float(np.finfo(np.float32).max)
 
 def _float32(text: str) -> float:
     """The number, if it is one of float32 or infinite."""
-    value = float(text)
+    value = real_number(text)
     if math.isfinite(value) and abs(value) > _LARGEST:
         raise ValueError("beyond float32")
+    return value
+
+
+def _metres(text: str) -> float:
+    """A distance, which is finite."""
+    value = _float32(text)
+    if not 0 <= value < math.inf:
+        raise ValueError("no distance")
     return value
 
 

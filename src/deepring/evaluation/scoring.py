@@ -18,6 +18,7 @@ from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.protocol import BATCH, RADII, Outcome, check_answerable
 from deepring.methods.method import Method, rebuild_method
 from deepring.progress import Progress
+from deepring.text import shown
 
 #: The folder of a run that holds its descriptors.
 FOLDER = "descriptors"
@@ -156,14 +157,14 @@ def _check_pair(query: DescriptorSet, database: DescriptorSet) -> None:
     if difference is not None:
         key, query_value, database_value = difference
         raise DataError(
-            f"{_title(query)}: {key} is {query_value!r} for the query and {database_value!r} for "
-            "the database; expected both to be made by the same method, settings and weights, for "
-            "the same region; export both sides together"
+            f"{_title(query)}: {key} is {shown(query_value)} for the query and "
+            f"{shown(database_value)} for the database; expected both to be made by the same "
+            "method, settings and weights, for the same region; export both sides together"
         )
 
 
 def _check_method(method: Method, descriptors: DescriptorSet) -> None:
-    """Raise DataError unless the method made the descriptors, by its fingerprint.
+    """Raise DataError unless the method made the descriptors, by its fingerprint and their shape.
 
     The version of the rasters is not compared, since no raster is made again; the weights are if
     the method has them.
@@ -179,8 +180,15 @@ def _check_method(method: Method, descriptors: DescriptorSet) -> None:
     if difference is not None:
         key, value, value_there = difference
         raise DataError(
-            f"{_title(descriptors)}: {key} is {value!r} for the method and {value_there!r} for the "
-            "one that made them; expected the same; take that method, or export again with this one"
+            f"{_title(descriptors)}: {key} is {shown(value)} for the method and "
+            f"{shown(value_there)} for the one that made them; expected the same; take that "
+            "method, or export again with this one"
+        )
+    shape, expected = descriptors.descriptors.shape[1:], getattr(method, "descriptor_shape", None)
+    if expected not in (None, shape):
+        raise DataError(
+            f"{_title(descriptors)}: descriptors of shape {shape}, expected {expected}, as the "
+            "method makes them; export them again"
         )
 
 

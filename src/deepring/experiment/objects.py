@@ -15,6 +15,7 @@ from hydra.utils import get_object, instantiate
 from deepring.checks import at_least, count, positive
 from deepring.errors import ConfigError, DeepringError
 from deepring.experiment.plain_types import fits, in_words
+from deepring.text import shown
 
 #: Values of optimizers and schedules that torch takes whatever they are.
 _RANGES: dict[str, Callable[[str, Any], Any]] = {
@@ -77,7 +78,7 @@ def target_of(node: Any, key: str) -> Callable[..., Any]:
             f"such as {_EXAMPLES.get(key.partition('.')[0], _EXAMPLE)}; a module of your own has "
             "to be on the Python path"
         )
-    return target  # type: ignore[no-any-return]
+    return target
 
 
 _EXAMPLE = "deepring.methods.deepring.DeepRing"
@@ -144,8 +145,7 @@ def _check_values(values: Mapping[str, Any], target: Any, key: str) -> None:
 
 def _hints(target: Any) -> dict[str, Any]:
     """The type hints of a target's arguments, without those that cannot be resolved here."""
-    function = target.__init__ if isinstance(target, type) else target
-    function = inspect.unwrap(function)
+    function = inspect.unwrap(target.__init__ if inspect.isclass(target) else target)
     names = {**vars(typing), **vars(collections.abc), **getattr(function, "__globals__", {})}
     hints = {}
     for name, hint in getattr(function, "__annotations__", {}).items():
@@ -203,5 +203,4 @@ def _name(target: Any) -> str:
 def _shown(value: Any) -> str:
     if value is None:
         return "null"
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:77]}..."
+    return shown(value, 80)

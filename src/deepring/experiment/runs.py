@@ -1,6 +1,5 @@
 """Folders of runs: search and reading."""
 
-import json
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from deepring.errors import DataError, FileError
 from deepring.evaluation.results import read_results
 from deepring.experiment.run_folder import read_config
 from deepring.experiment.status import Status, read_status
+from deepring.io.strict_json import read_json
 from deepring.paper.seed_groups import Run
 
 
@@ -53,6 +53,11 @@ def read_run(folder: str | Path) -> Run:
     folder = Path(folder)
     config, status = read_config(folder / "config.yaml"), read_status(folder)
     results = read_results(folder / "results.csv")
+    if not results:
+        raise FileError(
+            f"{folder / 'results.csv'}: holds no result; expected those of a finished run; run the "
+            "evaluation again"
+        )
     seconds = None if status is None else status.seconds
     return Run(str(folder), config, results, _commits(folder), seconds)
 
@@ -103,8 +108,8 @@ def _commits(folder: Path) -> list[str]:
     commits = []
     for path in sorted(folder.glob("versions*.json")):
         try:
-            commit = json.loads(path.read_text(encoding="utf-8"))["git_commit"]
-        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            commit = read_json(path.read_text(encoding="utf-8"))["git_commit"]
+        except (OSError, ValueError, KeyError, TypeError):
             raise FileError(
                 f"{path}: no git_commit can be read; expected the versions of a run; delete the "
                 "file to go on without it"

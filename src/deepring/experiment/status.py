@@ -12,6 +12,8 @@ from filelock import FileLock, Timeout
 from deepring import checks
 from deepring.errors import DataError, DeepringError, FileError, StoppedError
 from deepring.io.files import replacing
+from deepring.io.strict_json import read_json
+from deepring.text import shown
 
 State = Literal["running", "finished", "failed", "interrupted"]
 
@@ -36,14 +38,14 @@ def read_status(folder: Path) -> Status | None:
     """
     path = folder / "status.json"
     try:
-        return _checked(Status(**json.loads(path.read_text(encoding="utf-8"))))
+        return _checked(Status(**read_json(path.read_text(encoding="utf-8"))))
     except FileNotFoundError:
         return None
     except DeepringError as error:
         reason = str(error)
     except OSError as error:
         reason = f"cannot be read ({error.strerror})"
-    except (ValueError, TypeError, RecursionError):
+    except (ValueError, TypeError):
         reason = "does not hold a status as JSON"
     raise FileError(
         f"{path}: {reason}; expected the status of a run; delete the file to run it again"
@@ -54,10 +56,10 @@ def _checked(status: Status) -> Status:
     checks.one_of("state", status.state, State)
     numbers = {"score": status.score, "seconds": status.seconds}
     if not isinstance(status.error, str | None):
-        raise DataError(f"error: {status.error!r}, expected text")
+        raise DataError(f"error: {shown(status.error)}, expected text")
     for name, value in numbers.items():
         if value is not None and not checks.is_number(value):
-            raise DataError(f"{name}: {value!r}, expected a number")
+            raise DataError(f"{name}: {shown(value)}, expected a number")
     return status
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any, ClassVar, Self, cast
 
 import torch
-from jaxtyping import Float, Shaped
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from deepring.checks import of_type
@@ -123,9 +123,7 @@ class NetworkMethod(nn.Module, ABC):
         return descriptors.flatten(1)
 
     @torch.no_grad()
-    def describe(
-        self, rasters: Shaped[Tensor, " batch *raster"]
-    ) -> Float[Tensor, " batch *descriptor"]:
+    def describe(self, rasters: Any) -> Float[Tensor, " batch *descriptor"]:
         """`forward` in evaluation mode, on the network's device; descriptors come back on it.
 
         Whatever is like an array (b, *raster.shape) is taken. Raises DataError for anything else.

@@ -47,7 +47,7 @@ class NetVlad(nn.Module):
             ("clusters", clusters),
             ("dimension", dimension),
         ):
-            checks.count(f"netvlad.{name}", value)
+            checks.count(f"netvlad.{name}", value, most=8192)
         self.assignment = nn.Parameter(torch.randn(features, clusters) / features**0.5)
         self.assignment_norm = nn.BatchNorm1d(clusters)
         self.centres = nn.Parameter(torch.randn(clusters, features) / features**0.5)

@@ -111,7 +111,7 @@ class CorrelationIndex:
     def __len__(self) -> int:
         return len(self.places)
 
-    def add(self, descriptors: Float[Tensor, "..."]) -> None:
+    def add(self, descriptors: Any) -> None:
         """Add places. The first ones added determine the code of all."""
         descriptors = self._checked("descriptors", descriptors)
         if not len(descriptors):
@@ -136,7 +136,7 @@ class CorrelationIndex:
 
     def search(
         self,
-        queries: Float[Tensor, "..."],
+        queries: Any,
         k: int = 1,
         *,
         exhaustive: bool | None = None,
@@ -176,9 +176,8 @@ class CorrelationIndex:
             best = self._among_candidates(queries, self.code, k, number)
         if not bool((torch.isfinite(best.score) & (best.place >= 0)).all()):
             raise DataError(
-                "index: places or queries whose similarity is no finite number; expected "
-                "descriptors of finite numbers; look for a training that diverged, or build the "
-                "index again"
+                "index: places whose similarity is no finite number, expected finite descriptors; "
+                "build the index again"
             )
         turn = shift_to_turn(best.shift, queries.shape[-2], self.period)
         return Hits(best.place, best.score / self.cells, turn)

@@ -22,7 +22,7 @@ from typing import Any, ClassVar
 from jaxtyping import Float, Shaped
 from torch import Tensor, nn
 
-from deepring.checks import one_of
+from deepring.checks import count, one_of
 from deepring.core.correlation import (
     circular_cross_correlation,
     shift_to_turn,
@@ -142,7 +142,7 @@ class DeepRing(NetworkMethod):
             representation.pool,
             representation.theta_range,
         )
-        columns = self.representation.columns // encoder.stem
+        columns = self.representation.columns // count("encoder.stem", encoder.stem, most=64)
         self.encoder = CircularUNet(
             encoder.widths,
             out_channels=channels_for(aggregation, columns),
