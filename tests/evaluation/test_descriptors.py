@@ -81,7 +81,7 @@ def any_descriptors(draw):
     turned = draw(st.booleans())
     return DescriptorSet(
         descriptors=draw(arrays.arrays(np.float32, (n, *rest), elements=width32)),
-        positions=draw(arrays.arrays(np.float64, (n, 2), elements=finite)),
+        positions=draw(arrays.arrays(np.float64, (n, 2), elements=st.floats(-1e12, 1e12))),
         indices=draw(arrays.arrays(np.int64, n)),
         turns=draw(arrays.arrays(np.float64, n, elements=finite)) if turned else None,
         case=Case(*(draw(names) for _ in range(4))),
@@ -287,3 +287,8 @@ def test_a_file_makes_way_for_one_of_the_same_case_alone(tmp_path):
     with pytest.raises(DeepringError, match=r"or delete it: descriptors are written to this path"):
         free_path(tmp_path, ours.case, "query")
     assert path.read_text() == "precious"
+
+
+def test_places_beyond_any_world_are_refused():
+    with pytest.raises(DeepringError, match=r"positions: 1e\+300 metres .* at most 1e\+12"):
+        example(positions=np.full((4, 2), 1e300))

@@ -140,3 +140,18 @@ def test_a_missing_file_and_one_that_is_no_text_are_refused(tmp_path):
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(DeepringError, match="is not UTF-8 text"):
         read_results(tmp_path / "binary.csv")
+
+
+@pytest.mark.parametrize("text", ["1_0", "٣", "0x10", "1" * 5000])
+def test_numbers_are_those_that_are_written(tmp_path, text):
+    path = tmp_path / "results.csv"
+    write_results(path, [EXAMPLE])
+    lines = path.read_text(encoding="utf-8").split("\n")
+    values = lines[1].split(",")
+    for column, name in enumerate(COLUMNS):
+        if column >= 4:
+            row = ",".join([*values[:column], text, *values[column + 1 :]])
+            path.write_text(f"{lines[0]}\n{row}\n", encoding="utf-8")
+            with pytest.raises(DeepringError, match=rf"line 2: {name}: .*, expected a") as caught:
+                read_results(path)
+            assert len(str(caught.value)) < 500

@@ -20,6 +20,7 @@ class Limits:
     """What one input may take."""
 
     seconds: float = 5.0
+    """Of the processor."""
     bytes: int = 256 << 20
     """Beyond what the process had before."""
     bytes_per_byte: int = 32
@@ -42,21 +43,24 @@ def prepare_process() -> None:
 
 @contextmanager
 def limited(limits: Limits, size: int) -> Iterator[None]:
-    """Raise TimedOut, and let allocations fail, beyond the limits. In the main thread only."""
+    """Raise TimedOut, and let allocations fail, beyond the limits. In the main thread only.
+
+    Time is that of the processor, which other programs do not lengthen.
+    """
     old = resource.getrlimit(resource.RLIMIT_AS)
-    handler = signal.signal(signal.SIGALRM, _time_is_up)
+    handler = signal.signal(signal.SIGPROF, _time_is_up)
     most = _address_space() + limits.memory(size)
     if old[1] != resource.RLIM_INFINITY:
         most = min(most, old[1])
     try:
         resource.setrlimit(resource.RLIMIT_AS, (most, old[1]))
         # Again and again, for a reader that swallows even this one.
-        signal.setitimer(signal.ITIMER_REAL, limits.seconds, 1.0)
+        signal.setitimer(signal.ITIMER_PROF, limits.seconds, 1.0)
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.setitimer(signal.ITIMER_PROF, 0)
         resource.setrlimit(resource.RLIMIT_AS, old)
-        signal.signal(signal.SIGALRM, handler)
+        signal.signal(signal.SIGPROF, handler)
 
 
 def _time_is_up(*_: object) -> None:

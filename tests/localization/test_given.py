@@ -432,11 +432,22 @@ def test_a_map_lies_where_a_path_says(tmp_path):
         for use in (PLACE_MAP.save, Map.open):
             with pytest.raises(ConfigError, match=r"^path: .*, expected the path of a file"):
                 use(path)
-    with pytest.raises(FileError, match="directory"):
+    with pytest.raises(FileError, match="cannot be written"):
         PLACE_MAP.save(tmp_path)
     for _ in range(2):  # it may be replaced
         PLACE_MAP.save(str(tmp_path / "a.map"))
     assert Map.open(tmp_path / "a.map").localize(SCENE) == KNOWN
+
+
+def test_rotations_of_three_decimals_stay_poses_behind_a_sensor(tmp_path):
+    """As a reader takes them from a file, and multiplies them by where the sensor sits."""
+    rough = rotation_from_rpy(0.02, 0.01, np.linspace(0, 3, 9)).round(3)
+    sensor = pose_from(rotation_from_rpy(0.3, 0.2, 1.0), np.ones(3))
+    poses = pose_from(rough, np.zeros((9, 3))) @ sensor
+    place_map = Map(NETWORK)
+    place_map.add([SCENE] * 9, poses, ["a"] * 9)
+    place_map.save(tmp_path / "a.map")
+    np.testing.assert_array_equal(Map.open(tmp_path / "a.map").places.poses, poses)
 
 
 def test_trials_have_rigid_poses():

@@ -23,6 +23,9 @@ SideName = Literal["database", "query"]
 #: Ending of the files' names.
 ENDING = ".safetensors"
 
+#: Largest coordinate of a place, metres.
+_FARTHEST = 1e12
+
 _ARRAYS = {
     "descriptors": TensorType("float32", ("n", ...)),
     "positions": TensorType("float64", ("n", 2)),
@@ -91,6 +94,12 @@ class DescriptorSet(DescriptorHeader):
                     f"{where}: {name}: {bad} of {array.size} values are not finite; expected "
                     "numbers; look for empty scans, or for a training that diverged"
                 )
+        farthest = float(np.abs(self.positions).max())
+        if farthest > _FARTHEST:
+            raise DataError(
+                f"{where}: positions: {farthest:.3g} metres from the origin of the world; expected "
+                f"at most {_FARTHEST:.0e}; look at the poses"
+            )
         object.__setattr__(self, "made_by", json_copy(self.made_by))
 
     def __len__(self) -> int:

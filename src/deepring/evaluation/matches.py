@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from deepring.errors import DataError, DeepringError, FileError
 from deepring.evaluation.case import Case
 from deepring.evaluation.csv_errors import CSV_ERRORS, csv_reason
+from deepring.evaluation.csv_numbers import real_number, whole_number
 from deepring.evaluation.distances import HasPositions, distances_to
 from deepring.io.files import replacing
 from deepring.io.strict_json import read_json
@@ -184,7 +185,7 @@ def _parse(
 
 def _scan(text: str) -> int:
     """The number of a scan."""
-    if not 0 <= int(text) < 2**63:
+    if not 0 <= whole_number(text) < 2**63:
         raise ValueError("no number of a scan")
     return int(text)
 
@@ -194,7 +195,7 @@ _LARGEST = float(np.finfo(np.float32).max)
 
 def _float32(text: str) -> float:
     """The number, if it is one of float32 or infinite."""
-    value = float(text)
+    value = real_number(text)
     if math.isfinite(value) and abs(value) > _LARGEST:
         raise ValueError("beyond float32")
     return value

@@ -9,7 +9,9 @@ from deepring import checks
 from deepring.errors import DataError, DeepringError, FileError
 from deepring.evaluation.case import Case
 from deepring.evaluation.csv_errors import CSV_ERRORS, csv_reason
+from deepring.evaluation.csv_numbers import real_number, whole_number
 from deepring.io.files import replacing
+from deepring.text import shown
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,8 @@ def _check_header(path: Path, header: list[str]) -> None:
     missing = [name for name in COLUMNS if name not in header]
     unknown = [name for name in header if name not in COLUMNS]
     raise FileError(
-        f"results {path}: header {','.join(header)!r} (missing {missing}, unknown {unknown}); "
+        f"results {path}: header {shown(','.join(header))} (missing {missing}, unknown "
+        f"{shown(unknown)}); "
         f"expected {','.join(COLUMNS)!r}; run the evaluation again, or correct the first line"
     )
 
@@ -108,10 +111,10 @@ def _parse(path: Path, line: int, row: list[str]) -> Result:
     values: list[int | float] = []
     for name, text in zip(_NUMBERS, numbers, strict=True):
         try:
-            values.append(int(text) if name in _COUNTS else float(text))
+            values.append(whole_number(text) if name in _COUNTS else real_number(text))
         except ValueError:
             kind = "a whole number" if name in _COUNTS else "a number"
-            raise FileError(f"{where}: {name}: {text!r}, expected {kind}") from None
+            raise FileError(f"{where}: {name}: {shown(text)}, expected {kind}") from None
     try:
         return Result(Case(*texts), *values)  # type: ignore[arg-type]
     except DeepringError as error:

@@ -158,9 +158,8 @@ def _check_pair(query: DescriptorSet, database: DescriptorSet) -> None:
         key, query_value, database_value = difference
         raise DataError(
             f"{_title(query)}: {key} is {shown(query_value)} for the query and "
-            f"{shown(database_value)} for "
-            "the database; expected both to be made by the same method, settings and weights, for "
-            "the same region; export both sides together"
+            f"{shown(database_value)} for the database; expected both to be made by the same "
+            "method, settings and weights, for the same region; export both sides together"
         )
 
 
@@ -182,8 +181,8 @@ def _check_method(method: Method, descriptors: DescriptorSet) -> None:
         key, value, value_there = difference
         raise DataError(
             f"{_title(descriptors)}: {key} is {shown(value)} for the method and "
-            f"{shown(value_there)} for the "
-            "one that made them; expected the same; take that method, or export again with this one"
+            f"{shown(value_there)} for the one that made them; expected the same; take that "
+            "method, or export again with this one"
         )
     shape, expected = descriptors.descriptors.shape[1:], getattr(method, "descriptor_shape", None)
     if expected not in (None, shape):

@@ -53,6 +53,11 @@ def read_run(folder: str | Path) -> Run:
     folder = Path(folder)
     config, status = read_config(folder / "config.yaml"), read_status(folder)
     results = read_results(folder / "results.csv")
+    if not results:
+        raise FileError(
+            f"{folder / 'results.csv'}: holds no result; expected those of a finished run; run the "
+            "evaluation again"
+        )
     seconds = None if status is None else status.seconds
     return Run(str(folder), config, results, _commits(folder), seconds)
 

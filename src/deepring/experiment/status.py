@@ -13,6 +13,7 @@ from deepring import checks
 from deepring.errors import DataError, DeepringError, FileError, StoppedError
 from deepring.io.files import replacing
 from deepring.io.strict_json import read_json
+from deepring.text import shown
 
 State = Literal["running", "finished", "failed", "interrupted"]
 
@@ -55,10 +56,10 @@ def _checked(status: Status) -> Status:
     checks.one_of("state", status.state, State)
     numbers = {"score": status.score, "seconds": status.seconds}
     if not isinstance(status.error, str | None):
-        raise DataError(f"error: {status.error!r}, expected text")
+        raise DataError(f"error: {shown(status.error)}, expected text")
     for name, value in numbers.items():
         if value is not None and not checks.is_number(value):
-            raise DataError(f"{name}: {value!r}, expected a number")
+            raise DataError(f"{name}: {shown(value)}, expected a number")
     return status
 
 

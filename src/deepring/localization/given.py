@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.core.arrays import real_array
-from deepring.data.poses.rigid import rigid_rows
 from deepring.errors import ConfigError, DataError
 
 
@@ -55,10 +54,21 @@ def given_poses(poses: Any, count: int) -> NDArray[np.float64]:
         array = array.astype(np.float64)
     for k in np.flatnonzero(~np.isfinite(array).all(axis=(1, 2))):
         raise DataError(f"poses: pose {k} is not finite, expected world <- scan transforms")
-    rigid = rigid_rows(array) & (np.abs(array[:, 3] - [0, 0, 0, 1]) < 1e-6).all(axis=1)
+    rigid = nearly_rigid(array) & (np.abs(array[:, 3] - [0, 0, 0, 1]) < 1e-6).all(axis=1)
     for k in np.flatnonzero(~rigid):
         raise DataError(
             f"poses: pose {k} is not rigid, expected a rotation and a shift, and 0, 0, 0, 1 below"
         )
     array[:, 3] = [0, 0, 0, 1]
     return array
+
+
+def nearly_rigid(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mask (n,) of the poses (n, 4, 4) whose rotations are rotations to within 1 %.
+
+    Readers ask more (`deepring.data.poses.rigid`), but know how many decimals their files have; in
+    products with the pose of a sensor that cannot be seen.
+    """
+    rotations = np.clip(np.nan_to_num(poses[:, :3, :3]), -2.0, 2.0)
+    off = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2), initial=0.0)
+    return np.asarray((off < 0.01) & (np.linalg.det(rotations) > 0), dtype=np.bool_)

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from deepring.core.rigid import yaw_of
 from deepring.data.packed_rasters import pack, unpack
-from deepring.data.poses.rigid import rigid_rows
 from deepring.errors import DataError
+from deepring.localization.given import nearly_rigid
 from deepring.rasters import BevRaster
 from deepring.search.block_store import BlockStore
 
@@ -90,7 +90,7 @@ class PlaceStore:
         Raises DataError as `add` does, and for images of another size and poses that are not
         rigid.
         """
-        bad = int((~rigid_rows(poses.numpy())).sum()) if poses.shape[1:] == (4, 4) else 0
+        bad = int((~nearly_rigid(poses.numpy())).sum()) if poses.shape[1:] == (4, 4) else 0
         if bad or not bool((poses[:, 3:] == torch.eye(4, dtype=poses.dtype)[3]).all()):
             raise DataError(
                 f"poses: {bad or 'some'} of {len(poses)} are not rigid; expected world <- scan "

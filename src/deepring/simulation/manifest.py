@@ -6,6 +6,7 @@ from pathlib import Path, PurePath
 from deepring.errors import FileError
 from deepring.io.files import part_of, write_whole
 from deepring.simulation.settings import SimulationSettings
+from deepring.text import shown
 
 #: Increases with each change that alters the bytes of a simulation.
 VERSION = 1
@@ -68,12 +69,14 @@ def _check_same(content: dict[str, object], settings: SimulationSettings, root: 
     assert isinstance(old, dict)
     new = settings.as_dict()
     differences = [
-        f"{name} is {old.get(name)!r} there and {new.get(name)!r} here"
+        f"{name} is {shown(old.get(name))} there and {shown(new.get(name))} here"
         for name in sorted({*old, *new})
         if old.get(name) != new.get(name)
     ]
     if content.get("version") != VERSION:
-        differences.insert(0, f"version is {content.get('version')!r} there and {VERSION} here")
+        differences.insert(
+            0, f"version is {shown(content.get('version'))} there and {VERSION} here"
+        )
     if differences:
         raise FileError(
             f"root: {root} holds a simulation with other settings: {'; '.join(differences)}. "

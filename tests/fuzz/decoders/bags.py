@@ -28,14 +28,14 @@ def scans(messages: Messages, cdr: bool) -> list[Any]:
 
 
 def rosbag1(content: bytes) -> list[Any]:
-    """The scans of a bag of ROS 1 whose index agrees with its chunks."""
+    """The scans of a bag of ROS 1, whose chunks hold as many messages as it states."""
     magic = b"#ROSBAG V2.0\n"
     if not content.startswith(magic):
         raise UndecodableError("no bag of version 2.0")
     head: dict[str, bytes] = {}
     connections: dict[int, str] = {}
-    chunks: list[list[tuple[int, bytes, int]]] = []
-    positions, indexed, infos, index_at = [], [], {}, None
+    chunks: list[list[tuple[int, int, bytes]]] = []
+    positions, infos, index_at = [], {}, None
     for at, fields, data in _records(content, len(magic)):
         op = _field(fields, "op", "B")
         if op == 3:
@@ -47,13 +47,8 @@ def rosbag1(content: bytes) -> list[Any]:
                 raise UndecodableError("a chunk of another size")
             chunks.append(list(_chunk(data)))
             positions.append(at)
-            indexed.append({})
         elif op == 4 and chunks:
-            connection = _field(fields, "conn", "I")
-            if len(data) != 12 * _field(fields, "count", "I"):
-                raise UndecodableError("an index of another size")
-            for s, ns, offset in struct.iter_unpack("<III", data):
-                indexed[-1][connection, offset] = s * 10**9 + ns
+            continue  # the index of the chunk, which is read whole
         elif op == 7:
             index_at = at if index_at is None else index_at
             inner = _fields(data)
@@ -71,29 +66,29 @@ def rosbag1(content: bytes) -> list[Any]:
     if stated != [index_at, len(connections), len(chunks)] or sorted(infos) != positions:
         raise UndecodableError("a header other than the records")
     messages = []
-    for position, chunk, index in zip(positions, chunks, indexed, strict=True):
-        if {(connection, at) for connection, _, at in chunk} != set(index):
-            raise UndecodableError("an index other than the chunk")
+    for position, chunk in zip(positions, chunks, strict=True):
         counts: dict[int, int] = {}
         for connection, *_ in chunk:
             counts[connection] = counts.get(connection, 0) + 1
         if counts != infos[position]:
             raise UndecodableError("a chunk info other than the chunk")
         messages += [
-            (index[connection, at], data)
-            for connection, data, at in chunk
+            (time, data)
+            for connection, time, data in chunk
             if connections.get(connection) == "sensor_msgs/PointCloud2"
         ]
     messages.sort(key=lambda message: message[0])
     return scans(messages, cdr=False)
 
 
-def _chunk(data: bytes) -> Iterator[tuple[int, bytes, int]]:
-    """(connection, content, offset) of the messages in a chunk."""
-    for at, fields, content in _records(data, 0):
+def _chunk(data: bytes) -> Iterator[tuple[int, int, bytes]]:
+    """(connection, time, content) of the messages in a chunk."""
+    for _, fields, content in _records(data, 0):
         op = _field(fields, "op", "B")
         if op == 2:
-            yield _field(fields, "conn", "I"), content, at
+            time = _field(fields, "time", "Q")
+            seconds, nanoseconds = time % 2**32, time >> 32
+            yield _field(fields, "conn", "I"), seconds * 10**9 + nanoseconds, content
         elif op != 7:
             raise UndecodableError("a record of another kind in a chunk")
 

@@ -116,8 +116,8 @@ def _scans(drive: DriveDescription) -> list[Path]:
     """The drive's scan files in the order of their names."""
     if not _is(drive.scans, "dir"):
         raise FileError(
-            f"{drive.file}: scans: {drive.scans} is not a folder; expected that of the scans, "
-            "relative to this file's folder"
+            f"{drive.file}: scans: {_short(drive.scans)} is not a folder; expected that of the "
+            "scans, relative to this file's folder"
         )
     files = files_with(drive.scans, SCANS)
     if not files:
@@ -146,8 +146,8 @@ def _pose_rows(drive: DriveDescription) -> tuple[NDArray[np.float64], NDArray[np
     """Poses (n, 4, 4) from the file, and their stamps (n,) in nanoseconds or None."""
     if not _is(drive.poses, "file"):
         raise FileError(
-            f"{drive.file}: poses: {drive.poses} is not a file; expected the file of the poses, "
-            "relative to this file's folder"
+            f"{drive.file}: poses: {_short(drive.poses)} is not a file; expected the file of the "
+            "poses, relative to this file's folder"
         )
     if drive.pose_format == "tum":
         return _tum(drive.poses)
@@ -191,6 +191,12 @@ def _rigid(poses: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
             f"{rotation_problem(poses[bad[0]])}. Check pose_format, or remove the pose and its scan"
         )
     return poses
+
+
+def _short(path: Path) -> str:
+    """A path as text; of a very long one the beginning."""
+    text = str(path)
+    return text if len(text) <= 300 else f"{text[:300]}..."
 
 
 def _is(path: Path, kind: str) -> bool:

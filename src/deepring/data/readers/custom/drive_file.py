@@ -134,8 +134,8 @@ def _parse(file: Path, key: str, value: Any, prefix: str) -> Any:
             raise ValueError("blank")  # as a path it would be the folder itself
         config[key] = value
         return parse(file, config[key])
-    except FileError:
-        raise
+    except FileError as error:
+        raise FileError(f"{file}: {prefix}{key}: {error}") from error
     except (OmegaConfBaseException, ValueError, TypeError, OverflowError, RuntimeError):
         formats = ", ".join(binary_formats())
         raise _refusal(file, prefix + key, value, description.format(formats=formats)) from None
