@@ -308,11 +308,32 @@ def test_databases_run_nothing(tmp_path):
     path.write_bytes(whole)
     change(path, "ALTER TABLE messages DROP COLUMN data")
     assert "no table messages" in read(path)[1]
+    path.write_bytes(whole.replace(b"CREATE TABLE messages", b"CREATE TABLE \xff\xffssages"))
+    assert "its database is damaged" in read(path)[1]
     path.write_bytes(whole)
     change(path, "UPDATE messages SET data = 'text' WHERE id = 3")
     found, error = read(path)
     assert len(found) == 2
     assert "2 of 6 messages on /points read: its table of messages is damaged" in error
+
+
+def test_messages_that_are_lost_in_a_database_are_counted(tmp_path):
+    path = write_bag(tmp_path, "db3", {"/points": CLOUDS})
+    whole = path.read_bytes()
+    change(path, "UPDATE messages SET topic_id = 99 WHERE id = 3")
+    found, error = read(path)
+    assert len(found) == 5
+    assert "5 messages on /points read; " in error
+    assert "1 messages are of no topic" in error
+    path.write_bytes(whole)
+    page, cells = 4096, 6
+    header = b"\x0a" + bytes(2) + struct.pack(">H", cells)  # a leaf of an index with six rows
+    at = next(k for k in range(0, len(whole), page) if whole[k : k + 5] == header)
+    path.write_bytes(whole[: at + 3] + struct.pack(">H", cells - 1) + whole[at + 5 :])
+    assert "6 messages, but 5 in their index" in read(path)[1]
+    path.write_bytes(whole)
+    change(path, "DROP INDEX timestamp_idx")
+    assert all_or_an_error(path)
 
 
 def test_a_database_whose_changes_lie_beside_it_is_not_closed(tmp_path):
@@ -341,12 +362,14 @@ def test_missing_returns_are_dropped_and_a_message_of_them_is_broken(tmp_path):
     holes = SCANS.copy()
     holes[1, 2], holes[1, 3, 0], holes[1, 4] = 0, np.nan, np.inf
     holes[2] = 0
+    holes[4, 0] = np.frombuffer(b"\x01\x00\x80\x7f" * 3, "<f4")  # NaN that raise a flag
     path = write_bag(tmp_path, "mcap", {"/points": [message(scan) for scan in holes]})
     scans = list(bag_scans(path))
     assert np.array_equal(scans[1].read(), SCANS[1, :2])
     with pytest.raises(BrokenScanError, match=r"/points at \d{19} ns: 5 records, all missing"):
         scans[2].read()
     assert np.array_equal(scans[3].read(), SCANS[3])
+    assert np.array_equal(scans[4].read(), SCANS[4, 1:])
 
 
 def test_other_bytes_in_place_of_a_message_are_named(tmp_path):
@@ -359,15 +382,6 @@ def test_other_bytes_in_place_of_a_message_are_named(tmp_path):
         with pytest.raises(BrokenScanError, match=rf"/points at {START + 5} ns: "):
             second.read()
         assert np.array_equal([first.read(), third.read()], SCANS[:2])
-
-
-@every_kind
-def test_a_git_lfs_pointer_is_called_so(kind, tmp_path):
-    path = write_bag(tmp_path, kind, {"/points": CLOUDS})
-    pointer = f"version https://git-lfs.github.com/spec/v1\noid sha256:{0:064d}\nsize 9\n"
-    file_of(path).write_text(pointer)
-    with pytest.raises(FileError, match=r"drive\.\w+ is a Git LFS pointer, not the file itself"):
-        next(bag_scans(path))
 
 
 def test_a_bag_of_several_files_is_read_in_the_order_of_metadata(tmp_path):

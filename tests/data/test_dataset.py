@@ -202,6 +202,7 @@ def laps(n=240, rounds=2, name="laps"):
 def revisited(monkeypatch):
     def make(session, **changes):
         monkeypatch.setattr(dataset_module, "open_session", lambda *_, **__: session)
+        monkeypatch.setattr(dataset_module, "expect_usable", lambda *_: [])  # without files
         regions = Regions(validation_share=0.0)
         return PlaceDataset(
             DatasetConfig(**{"name": "laps", "split": "revisits", "regions": regions, **changes})

@@ -1,17 +1,28 @@
-"""`deepring data check`: whether a download can be used."""
+"""`deepring data check`: what a dataset holds, what is doubtful about it, and what to change."""
 
 import argparse
 import sys
 
-from deepring.data.check import check
-from deepring.data.check_table import report_lines
+from deepring.cli.mistakes import MISTAKE
+from deepring.data.inspection.check import check
+from deepring.data.inspection.check_json import report_json
+from deepring.data.inspection.check_text import report_lines
 from deepring.progress import progress_bar
+from deepring.text import printable
+
+DOUBTFUL = 1
+#: Exit status of each verdict.
+_STATUS = {"good": 0, "doubtful": DOUBTFUL, "unusable": MISTAKE}
 
 
 def data_command(args: argparse.Namespace) -> None:
-    """Print what each session holds; exit with 1 if a session or a scan cannot be used."""
+    """Print what each session holds; exit with 1 if one is doubtful, with 2 if one is unusable."""
     with progress_bar("reading scans") as bar:
         reports = check(args.root, args.format, args.session, bar)
-    print("\n".join(report_lines(reports)))
-    if not all(report.usable and not report.broken for report in reports):
-        sys.exit(1)
+    status = max(_STATUS[report.verdict] for report in reports)
+    if args.form == "json":
+        print(report_json(args.root, reports, status))
+    else:
+        print("\n".join(map(printable, report_lines(reports))))
+    if status:
+        sys.exit(status)

@@ -31,13 +31,21 @@ def add_data(parser: Parser) -> None:
     """``deepring data check ROOT``."""
     checker = subcommands(parser)(
         "check",
-        help="read every scan of a dataset and report",
-        description="Read every scan of a dataset, and report what each session holds. Exits "
-        "with 1 if a session or a scan cannot be used.",
+        help="read every scan of a dataset, and say what is doubtful",
+        description="Read every scan of a dataset, and report what each session holds, what is "
+        "doubtful and what to change. Exits with 1 if something is doubtful or left out, and "
+        "with 2 if a session cannot be used.",
     )
     checker.add_argument("root", type=Path, metavar="FOLDER")
     add_format(checker)
     add_session(checker, "check only this session")
+    checker.add_argument(
+        "--as",
+        dest="form",
+        choices=("table", "json"),
+        default="table",
+        help="output format: %(choices)s (%(default)s)",
+    )
     checker.runs("deepring.cli.data_command:data_command")
 
 

@@ -7,8 +7,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from deepring.cli.notices import say_skipped, warn
 from deepring.cli.parser import Names, Parser, number
-from deepring.cli.warnings import say_skipped
 from deepring.errors import DataError, FileError
 from deepring.io.files import part_of
 
@@ -90,13 +90,20 @@ def add_output(parser: Parser, metavar: str, help: str, required: bool = True) -
 
 
 def open_drive(args: argparse.Namespace) -> "tuple[Session, float]":
-    """The drive that `add_drive`'s options name, and z of the ground in its scans' frame."""
+    """The drive that `add_drive`'s options name, and z of the ground in its scans' frame.
+
+    Warns of what is left out and of what is doubtful. Raises DataError for an unusable drive.
+    """
+    from deepring.data.inspection.session import expect_usable
     from deepring.data.readers import detect_format, ground_of, open_session
 
     format = args.format or detect_format(args.root)
     session = open_session(format, args.root, args.session)
     say_skipped(session)
-    return session, ground_of(session, format) if args.ground_z is None else args.ground_z
+    ground_z = ground_of(session, format) if args.ground_z is None else args.ground_z
+    for finding in expect_usable(session, ground_z):
+        warn(f"session {session.name}: {finding}")
+    return session, ground_z
 
 
 def network_of(checkpoint: str) -> "DeepRing":

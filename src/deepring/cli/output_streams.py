@@ -8,6 +8,7 @@ import sys
 import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 #: The name that Python's codecs know `_plain` by.
 PLAIN = "deepring.plain"
@@ -92,7 +93,7 @@ codecs.register_error(PLAIN, _plain)
 class _PatientFile(io.FileIO):
     """A file that swallows everything once nobody reads it, or once it could not be written."""
 
-    def write(self, data: bytes, /) -> int:  # type: ignore[override]
+    def write(self, data: Any, /) -> int:
         """Write as a file does. An error of standard output is raised once, if anybody reads it."""
         try:
             return super().write(data) or 0

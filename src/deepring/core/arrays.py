@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from jaxtyping import Shaped
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -38,7 +39,7 @@ def real_array(name: str, values: Any, *, truth: bool = False) -> NDArray[Any]:
     return array
 
 
-def real_tensor(name: str, values: Any) -> Tensor:
+def real_tensor(name: str, values: Any) -> Shaped[Tensor, "..."]:
     """A tensor of real numbers or truth values like ``values``; a dense one stays as it is.
 
     Raises DataError as `real_array` does.
@@ -56,7 +57,7 @@ def real_tensor(name: str, values: Any) -> Tensor:
     return values
 
 
-def expect_finite(name: str, values: Tensor) -> Tensor:
+def expect_finite(name: str, values: Shaped[Tensor, "..."]) -> Shaped[Tensor, "..."]:
     """The values. Raises DataError where one is NaN, infinite, or beyond float32."""
     if not values.is_floating_point():
         return values

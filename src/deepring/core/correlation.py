@@ -1,7 +1,7 @@
 """Circular cross-correlation over θ and its maximum, the similarity of places (paper, Eq. 8)."""
 
 import math
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import torch
 from jaxtyping import Complex64, Float, Float32, Int64
@@ -97,25 +97,26 @@ def magnitude_correlation_curves(
     return torch.cat([torch.cat([curves(q, d) for d in entries], dim=1) for q in batches])
 
 
-def circular_cross_correlation(
-    queries: Float[Tensor, "q theta omega"],
-    database: Float[Tensor, "d theta omega"],
-    form: Form = "paper",
-) -> Match:
+def circular_cross_correlation(queries: Any, database: Any, form: Form = "paper") -> Match:
     """The largest correlation over all circular shifts, and that shift, for all pairs (q, d).
+
+    Descriptors are (q, θ, ω) and (d, θ, ω): tensors, or anything like arrays of real numbers.
 
     >>> place = torch.tensor([[[2.0], [1.0], [0.0], [0.0]]])
     >>> circular_cross_correlation(place.roll(1, dims=-2), place).shift
     tensor([[1]])
 
-    Raises DataError for descriptors of different shapes, or nothing like an array of real numbers.
+    Raises DataError for anything else, and for descriptors of different shapes.
     """
     queries, database = real_tensor("queries", queries), real_tensor("database", database)
-    if queries.ndim != 3 or database.ndim != 3 or queries.shape[1:] != database.shape[1:]:
+    sizes = queries.shape[1:], database.shape[1:]
+    if queries.ndim != 3 or sizes[0] != sizes[1] or not all(sizes[0]):
         raise DataError(
             f"queries {tuple(queries.shape)}, database {tuple(database.shape)}: expected (q, θ, ω) "
-            "and (d, θ, ω) with the same θ and ω"
+            "and (d, θ, ω) with the same θ and ω, of at least 1"
         )
+    if not (queries.is_floating_point() and database.is_floating_point()):
+        queries, database = queries.float(), database.float()
     one_of("form", form, Form)
     curves = correlation_curves if form == "paper" else magnitude_correlation_curves
     return Match(*curves(queries, database).max(dim=-1))

@@ -8,7 +8,7 @@ occupied cells only. θ = 2π k / angles without the end point; τ bins are cent
 
 import math
 from functools import lru_cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -24,7 +24,7 @@ ThetaRange = Literal["full", "half"]
 
 
 def radon(
-    image: Shaped[Tensor, "..."],
+    image: Any,
     angles: int = 120,
     bins: int | None = None,
     extent: float = 1.0,
@@ -40,7 +40,7 @@ def radon(
     ``index_add``. Both agree to 1e-5.
 
     Args:
-        image: (..., n, n), bool, integer or float.
+        image: (..., n, n), bool, integer or float: a tensor, or anything like an array.
         angles: rows of θ over the range; even for a full turn, whose second half mirrors the first.
         bins: bins of τ over [-extent, extent]; n by default.
         extent: half the side of the image.
@@ -61,7 +61,7 @@ def radon(
             [0.0000, 0.0000, 0.0000, 0.5000]])
     """
     image = real_tensor("radon: image", image)
-    if image.ndim < 2 or image.shape[-1] != image.shape[-2]:
+    if image.ndim < 2 or image.shape[-1] != image.shape[-2] or not image.shape[-1]:
         raise DataError(f"radon: image of shape {tuple(image.shape)}, expected (..., n, n)")
     checks.one_of("radon.theta_range", theta_range, ThetaRange)
     if checks.count("radon.angles", angles) % 2 and theta_range == "full":

@@ -1,5 +1,7 @@
 """Magnitude spectra, which are invariant to translation, and to rotation (paper, Eq. 7)."""
 
+from typing import Any
+
 import torch
 from jaxtyping import Float, Float32
 from torch import Tensor
@@ -10,8 +12,8 @@ from deepring.errors import DataError
 
 
 def row_dft_magnitude(
-    feature: Float[Tensor, "*batch theta tau"],
-) -> Float32[Tensor, "*batch theta tau//2+1"]:
+    feature: Any,
+) -> Float32[Tensor, "*batch theta omega"]:
     """|DFT over τ| of each row: (..., θ, τ) real -> (..., θ, τ // 2 + 1), orthonormal.
 
     A circular shift of a row leaves it unchanged. Only ω >= 0 is kept, since the spectrum of a

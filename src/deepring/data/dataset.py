@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from deepring.checks import one_of
+from deepring.data.inspection.session import expect_usable
 from deepring.data.readers import open_session
 from deepring.data.regions import Region, Shape, parse_region
 from deepring.data.scan_set import ScanSet
@@ -116,6 +117,9 @@ class PlaceDataset:
         if str(skipped):
             level = logging.WARNING if skipped.broken or skipped.without_pose else logging.INFO
             log.log(level, "%s %s: skipped %s", c.name, session.name, skipped)
+        ground_z = session.ground_z if c.ground_z is None else c.ground_z
+        for finding in expect_usable(session, ground_z):
+            log.warning("%s %s: %s", c.name, session.name, finding)
         return session
 
     @cached_property

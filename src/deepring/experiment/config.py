@@ -152,7 +152,7 @@ def check_config(composed: DictConfig) -> Config:
             )
         return cast("Config", OmegaConf.to_object(checked))
     except OmegaConfBaseException as error:
-        raise ConfigError(config_mistake(error)) from error
+        raise ConfigError(config_mistake(error) or "config: cannot be resolved") from error
 
 
 def _check_dataset(key: str, config: DatasetConfig) -> None:

@@ -78,7 +78,7 @@ def target_of(node: Any, key: str) -> Callable[..., Any]:
             f"such as {_EXAMPLES.get(key.partition('.')[0], _EXAMPLE)}; a module of your own has "
             "to be on the Python path"
         )
-    return target  # type: ignore[no-any-return]
+    return target
 
 
 _EXAMPLE = "deepring.methods.deepring.DeepRing"
@@ -145,8 +145,7 @@ def _check_values(values: Mapping[str, Any], target: Any, key: str) -> None:
 
 def _hints(target: Any) -> dict[str, Any]:
     """The type hints of a target's arguments, without those that cannot be resolved here."""
-    function = target.__init__ if isinstance(target, type) else target
-    function = inspect.unwrap(function)
+    function = inspect.unwrap(target.__init__ if inspect.isclass(target) else target)
     names = {**vars(typing), **vars(collections.abc), **getattr(function, "__globals__", {})}
     hints = {}
     for name, hint in getattr(function, "__annotations__", {}).items():

@@ -18,6 +18,7 @@ from deepring.errors import FileError
 #: What the pickle of a checkpoint names, other than storages of numbers: a dict, and tensors.
 _NAMES = {
     "collections OrderedDict",
+    "collections Counter",  # milestones of a schedule
     "torch._utils _rebuild_tensor_v2",
     "torch._utils _rebuild_parameter",
 }

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any, ClassVar, Self, cast
 
 import torch
-from jaxtyping import Float, Shaped
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from deepring.checks import of_type
@@ -87,7 +87,8 @@ class NetworkMethod(nn.Module, ABC):
     @classmethod
     def from_fingerprint(cls, made_by: dict[str, Any]) -> Self:
         """The network that a `deepring.evaluation.fingerprint.fingerprint` is of, on 'meta'."""
-        return cls.without_weights(cls.settings_class.from_dict(made_by.get("settings")))
+        settings: Any = made_by.get("settings")  # None is refused
+        return cls.without_weights(cls.settings_class.from_dict(settings))
 
     @classmethod
     def without_weights(cls, settings: PlainSettings) -> Self:
@@ -123,9 +124,7 @@ class NetworkMethod(nn.Module, ABC):
         return descriptors.flatten(1)
 
     @torch.no_grad()
-    def describe(
-        self, rasters: Shaped[Tensor, " batch *raster"]
-    ) -> Float[Tensor, " batch *descriptor"]:
+    def describe(self, rasters: Any) -> Float[Tensor, " batch *descriptor"]:
         """`forward` in evaluation mode, on the network's device; descriptors come back on it.
 
         Whatever is like an array (b, *raster.shape) is taken. Raises DataError for anything else.

@@ -76,7 +76,7 @@ class ContextIndex:
     def __len__(self) -> int:
         return len(self.places)
 
-    def add(self, descriptors: Float[Tensor, "n theta r"]) -> None:
+    def add(self, descriptors: Any) -> None:
         """Add places. Raises DataError for descriptors of another shape than theirs."""
         descriptors = self._given("descriptors", descriptors)
         if not len(descriptors):
@@ -85,7 +85,7 @@ class ContextIndex:
         self.places.add({"columns": columns, "filled": filled, "key": ring_keys(descriptors)})
         self._shape = tuple(descriptors.shape[1:])
 
-    def search(self, queries: Float[Tensor, "q theta r"], k: int = 1) -> Hits:
+    def search(self, queries: Any, k: int = 1) -> Hits:
         """The ``k`` places of the largest mean cosine, with the turn from place to query."""
         count("k", k)
         queries = self._given("queries", queries)

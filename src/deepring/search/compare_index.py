@@ -1,6 +1,6 @@
 """Exhaustive search by a method's own comparison."""
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import torch
 from jaxtyping import Float, Int64
@@ -50,14 +50,14 @@ class CompareIndex:
     def __len__(self) -> int:
         return len(self.places)
 
-    def add(self, descriptors: Float[Tensor, " n *descriptor"]) -> None:
+    def add(self, descriptors: Any) -> None:
         """Add places. Raises DataError for descriptors of another shape than theirs."""
         descriptors = given_rows("descriptors", descriptors, self._shape)
         if len(descriptors):
             self.places.add({"descriptor": descriptors})
             self._shape = tuple(descriptors.shape[1:])
 
-    def search(self, queries: Float[Tensor, " q *descriptor"], k: int = 1) -> Hits:
+    def search(self, queries: Any, k: int = 1) -> Hits:
         """The ``k`` most similar places."""
         count("k", k)
         queries = given_rows("queries", queries, self._shape)

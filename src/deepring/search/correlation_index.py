@@ -111,7 +111,7 @@ class CorrelationIndex:
     def __len__(self) -> int:
         return len(self.places)
 
-    def add(self, descriptors: Float[Tensor, "..."]) -> None:
+    def add(self, descriptors: Any) -> None:
         """Add places. The first ones added determine the code of all."""
         descriptors = self._checked("descriptors", descriptors)
         if not len(descriptors):
@@ -136,7 +136,7 @@ class CorrelationIndex:
 
     def search(
         self,
-        queries: Float[Tensor, "..."],
+        queries: Any,
         k: int = 1,
         *,
         exhaustive: bool | None = None,

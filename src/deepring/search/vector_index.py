@@ -1,7 +1,7 @@
 """Exhaustive search by Euclidean distance or cosine, for methods whose descriptors are vectors."""
 
 from collections.abc import Callable
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 import torch.nn.functional as F
@@ -59,7 +59,7 @@ class VectorIndex:
     def __len__(self) -> int:
         return len(self.places)
 
-    def add(self, descriptors: Float[Tensor, " n *descriptor"]) -> None:
+    def add(self, descriptors: Any) -> None:
         """Add places by their descriptors (n, ...)."""
         descriptors = given_descriptors("descriptors", descriptors, self._shape)
         if not len(descriptors):
@@ -73,7 +73,7 @@ class VectorIndex:
         self._largest = max(self._largest, float(norms.max()))
         self._shape = tuple(descriptors.shape[1:])
 
-    def search(self, queries: Float[Tensor, " q *descriptor"], k: int = 1) -> Hits:
+    def search(self, queries: Any, k: int = 1) -> Hits:
         """The ``k`` nearest places of queries (q, ...)."""
         count("k", k)
         queries = given_descriptors("queries", queries, self._shape)

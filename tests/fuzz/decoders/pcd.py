@@ -5,7 +5,7 @@ import re
 import struct
 
 from fuzz.decoders.lzf import decompress
-from fuzz.decoders.points import Points, returns
+from fuzz.decoders.points import Points, lowered, returns
 from fuzz.files import UndecidedError, UndecodableError
 
 _KINDS = {
@@ -29,7 +29,7 @@ _KEYS = (
 def decode(content: bytes) -> Points:
     """The points of a file."""
     header, body = _header(content)
-    fields = [name.lower() for name in header["FIELDS"]]
+    fields = lowered(header["FIELDS"])
     sizes, counts = _numbers(header, "SIZE"), _numbers(header, "COUNT", [1] * len(fields))
     kinds = [kind.upper() for kind in header["TYPE"]]
     if not len(fields) == len(sizes) == len(counts) == len(kinds):

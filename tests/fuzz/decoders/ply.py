@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from fuzz.decoders.pcd import _number as number
-from fuzz.decoders.points import Points, returns
+from fuzz.decoders.points import Points, lowered, returns
 from fuzz.files import UndecodableError
 
 _TYPES = {
@@ -23,14 +23,14 @@ def decode(content: bytes) -> Points:
     read, left = _reader(form, body)
     points = None
     for name, rows, properties in elements:
-        names = [label for label, count, _ in properties if count is None]
+        names = lowered([label if count is None else "" for label, count, _ in properties])
         wanted = name == "vertex"
         if wanted and any(names.count(axis) != 1 for axis in "xyz"):
             raise UndecodableError("no x, y and z")
         found = []
         for _ in range(rows if properties else 0):
             row = {}
-            for label, count, kind in properties:
+            for label, (_, count, kind) in zip(names, properties, strict=True):
                 if count is None:
                     row[label] = read(kind)
                     continue

@@ -54,3 +54,11 @@ def nclt(content: bytes) -> Points:
         for x, y, z, _, _ in hits
         if x or y or z
     )
+
+
+def lowered(names: list[str]) -> list[str]:
+    """Names of fields, with X, Y and Z in lower case where it is missing."""
+    return [
+        name.lower() if name in ("X", "Y", "Z") and name.lower() not in names else name
+        for name in names
+    ]

@@ -28,6 +28,7 @@ _KEYWORDS = (
     *("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS"),
     "DATA",
 )
+_UNUSED = ("VERSION", "VIEWPOINT")
 _PADDING = "_"
 _LONGEST_HEADER = 1 << 20  # bytes, to stop in files of other types
 #: Most that LZF compresses: 264 bytes to 3.
@@ -93,7 +94,8 @@ def _header(content: bytes) -> tuple[_Header, str]:
             continue
         keyword, *words = line.split()
         keyword = "FIELDS" if keyword == "COLUMNS" else keyword  # its name in old files
-        if keyword not in _KEYWORDS or not words:
+        known = keyword in _KEYWORDS and (words or keyword in _UNUSED)
+        if not known or not line.isascii():
             raise ContentError(f"the header line {line[:80]!r}")
         if keyword in values:
             raise ContentError(f"two header lines {keyword}")

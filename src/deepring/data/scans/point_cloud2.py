@@ -37,30 +37,34 @@ def cloud_records(message: Any) -> NDArray[np.float32]:
         BrokenScanError: no x, y and z of a floating-point type, or data of another size than the
             message states.
     """
-    layout = _layout(message)
+    formats, offsets = _coordinates(message)
+    step = int(message.point_step)
     rows, columns = int(message.height), int(message.width)
-    row = columns * layout.itemsize
+    row = columns * step
     # Some drivers set row_step to 0 for a single row.
     row_step = int(message.row_step) if rows > 1 else max(row, int(message.row_step))
     # A single row has no reason for padding in which more points would fit.
-    most = rows * row_step if rows != 1 else row + min(row_step - row, layout.itemsize - 1)
+    most = rows * row_step if rows != 1 else row + min(row_step - row, step - 1)
     data = np.asarray(message.data, dtype=np.uint8)
     # The last row may leave its padding out.
     least = (rows - 1) * row_step + row if rows and columns else 0
     if row_step < row or not least <= len(data) <= most:
         raise BrokenScanError(
             f"PointCloud2: {len(data)} bytes in rows of {row_step}; expected {rows} rows of "
-            f"{columns} points of {layout.itemsize} bytes"
+            f"{columns} points of {step} bytes"
         )
     if not least:
         return np.empty((0, 3), dtype=np.float32)
-    cloud = np.ndarray((rows, columns), layout, data.data, 0, (row_step, layout.itemsize))
+    layout = np.dtype(
+        {"names": list("xyz"), "formats": formats, "offsets": offsets, "itemsize": step}
+    )
+    cloud = np.ndarray((rows, columns), layout, data.data, 0, (row_step, step))
     with np.errstate(over="ignore", invalid="ignore"):  # beyond float32 becomes infinite
         return np.stack([cloud[name].astype(np.float32).ravel() for name in "xyz"], axis=1)
 
 
-def _layout(message: Any) -> np.dtype[np.void]:
-    """The NumPy type of a point, with x, y and z at their offsets."""
+def _coordinates(message: Any) -> tuple[list[str], list[int]]:
+    """The NumPy types of x, y and z, and the bytes of a point at which they begin."""
     fields = {field.name: field for field in message.fields if field.name in ("x", "y", "z")}
     names = [field.name for field in message.fields]
     if (
@@ -88,8 +92,7 @@ def _layout(message: Any) -> np.dtype[np.void]:
             f"beside another within the {step} bytes of a point"
         )
     order = ">" if message.is_bigendian else "<"
-    kinds = [order + form for form in formats]
-    return np.dtype({"names": list("xyz"), "formats": kinds, "offsets": offsets, "itemsize": step})
+    return [order + form for form in formats], offsets
 
 
 def _words(fields: Any) -> str:

@@ -10,6 +10,8 @@ from deepring.data.scans.bags.storage import Channel, Contents, Message, named_t
 from deepring.errors import BrokenScanError, DataError
 
 _MAGIC = b"SQLite format 3\0"
+#: What a damaged database raises; its own messages may be no text.
+_ERRORS = (sqlite3.Error, UnicodeDecodeError)
 
 
 class DatabaseFile:
@@ -42,15 +44,20 @@ class DatabaseFile:
                         "SELECT topic_id, count(*) FROM messages NOT INDEXED GROUP BY topic_id"
                     ).fetchall()
                 )
-            except (sqlite3.Error, UnicodeDecodeError) as error:
+                indexed = _indexed(database)
+            except _ERRORS as error:
                 raise _damaged() from error
-        channels = {}
+        channels: dict[int, Channel] = {}
         for number, *names in topics:
             if not (isinstance(number, int) and all(isinstance(name, str) for name in names)):
                 raise BrokenScanError("its table of topics is damaged")
             name, kind, encoding = (text(name.encode("utf-8", "replace")) for name in names)
             channels[number] = Channel(name, named_type(kind), encoding)
-        return Contents(channels, {number: counts.get(number, 0) for number in channels})
+        of_none = sum(counts.values()) - sum(counts.get(number, 0) for number in channels)
+        damage = f"{of_none} messages are of no topic" if of_none else ""
+        if indexed not in (None, sum(counts.values())):
+            damage = f"{sum(counts.values())} messages, but {indexed} in their index"
+        return Contents(channels, {n: counts.get(n, 0) for n in channels}, damage)
 
     def messages(self, channels: Collection[int]) -> Iterator[Message]:
         """See `Container`."""
@@ -65,7 +72,7 @@ class DatabaseFile:
                     if not (isinstance(time, int) and isinstance(data, bytes)):
                         raise BrokenScanError("its table of messages is damaged")
                     yield Message(number, time, data)
-            except (sqlite3.Error, UnicodeDecodeError) as error:
+            except _ERRORS as error:
                 raise _damaged() from error
 
     def _connect(self) -> sqlite3.Connection:
@@ -110,6 +117,16 @@ def _check_tables(database: sqlite3.Connection) -> None:
         ).upper()
         if not plain or not stored >= set(names.split()):
             raise DataError(f"no table {table} with {names.replace(' ', ', ')}; expected a bag")
+
+
+def _indexed(database: sqlite3.Connection) -> int | None:
+    """The number of messages in the index that rosbag2 makes of them; None without it."""
+    indexes = {name for _, name, *_ in database.execute("PRAGMA index_list(messages)")}
+    if "timestamp_idx" not in indexes:
+        return None
+    query = "SELECT count(*) FROM messages INDEXED BY timestamp_idx"
+    found: int = database.execute(query).fetchone()[0]
+    return found
 
 
 def _damaged() -> BrokenScanError:
