@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from deepring.data.inspection.figures import measure_ground, measure_scan, median_figures
 from deepring.data.inspection.scans import scan_findings
@@ -19,10 +20,11 @@ from deepring.data.inspection.session_scans import (
 from deepring.data.readers import binary_formats, open_session
 from deepring.data.readers.helipr import SENSORS
 from deepring.data.readers.kitti import open_kitti
+from deepring.data.readers.mulran import T_BASE_LIDAR
 from deepring.data.session import Session
 from deepring.errors import DataError
 from helpers.real_data import real_data
-from helpers.wrong_scans import DOUBTED, NAMED, WRONG, whole_records, write_wrong
+from helpers.wrong_scans import DOUBTED, NAMED, WRONG, rows, whole_records, write_wrong
 
 HEIGHT = -1.8  # z of the ground in MulRan's scans
 
@@ -142,6 +144,110 @@ def test_one_sensor_of_helipr_for_another(right, wrong, street, tmp_path):
     (tmp_path / "scan.bin").write_bytes(records.tobytes())
     found = scan_findings(SENSORS[wrong].read(tmp_path / "scan.bin"), HEIGHT)
     assert any(f.unusable for f in found) == (right != wrong)
+
+
+def write_session(layout, folder, clouds, poses, content):
+    """A drive in a layout whose files hold ``content(points)``: its format and the ground."""
+    stamps = [1700000000_000000000 + 200_000_000 * k for k in range(len(clouds))]
+    scans = {
+        "mulran": "DCC01/Ouster",
+        "nclt": "2031-01-01/velodyne_sync",
+        "helipr": "Town01/LiDAR/Ouster",
+        "custom": "scans",
+    }[layout]
+    (folder / scans).mkdir(parents=True)
+    for stamp, points in zip(stamps, clouds, strict=True):
+        name = stamp // 1000 if layout == "nclt" else stamp
+        (folder / scans / f"{name}.bin").write_bytes(content(np.asarray(points, np.float64)))
+    if layout == "mulran":
+        rows_of = [
+            ",".join([str(t), *map(repr, pose[:3].ravel().tolist())])
+            for t, pose in zip(stamps, poses @ np.linalg.inv(T_BASE_LIDAR), strict=True)
+        ]
+        (folder / "DCC01" / "global_pose.csv").write_text("\n".join(rows_of))
+        return folder, binary_formats()["mulran"].ground_z
+    if layout == "nclt":
+        down = np.diag([1.0, -1.0, -1.0, 1.0])
+        turned = Rotation.from_matrix((down @ poses @ down)[:, :3, :3]).as_euler("xyz")
+        table = np.column_stack([poses[:, :3, 3] * [1, -1, -1], turned])
+        lines = [
+            ",".join([str(t // 1000), *map(repr, row.tolist())])
+            for t, row in zip(stamps, table, strict=True)
+        ]
+        (folder / "2031-01-01" / "groundtruth_2031-01-01.csv").write_text("\n".join(lines))
+        return folder, 0.0
+    if layout == "helipr":
+        turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+        lines = [
+            " ".join([str(t), *map(repr, [*pose[:3, 3].tolist(), *turn.tolist()])])
+            for t, pose, turn in zip(stamps, poses, turns, strict=True)
+        ]
+        (folder / "Town01" / "LiDAR_GT").mkdir()
+        (folder / "Town01/LiDAR_GT/global_Ouster_gt.txt").write_text("\n".join(lines))
+        return folder, SENSORS["Ouster"].ground_z
+    lines = [" ".join(map(repr, pose[:3].ravel().tolist())) for pose in poses]
+    (folder / "poses.txt").write_text("\n".join(lines))
+    (folder / "drive.yaml").write_text(
+        "scans: scans\nposes: poses.txt\nformat: mulran\nsensor_height: 1.8\n"
+    )
+    return folder / "drive.yaml", HEIGHT
+
+
+def multiple(array, record):
+    """Bytes of so many rows that they are a whole number of records of that size."""
+    size = array[0].nbytes
+    step = np.lcm(size, record) // size
+    return array[: len(array) // step * step].tobytes()
+
+
+def velodyne(points):
+    """Records of HeLiPR's Velodyne."""
+    records = np.zeros(len(points), SENSORS["Velodyne"].records[0])
+    records["xyz"] = points
+    return records
+
+
+def nclt_hits(points):
+    hits = np.zeros(len(points), np.dtype([("xyz", "<u2", (3,)), ("rest", "u1", (2,))]))
+    hits["xyz"] = np.rint((points * [1, -1, -1] + [0, 0, 1.8] + 100) / 0.005)
+    return hits
+
+
+LAYOUTS = {
+    "mulran": {
+        "right": (lambda p: rows(p, 4).tobytes(), None),
+        "float64": (lambda p: rows(p, 4, "<f8").tobytes(), "float64 with 4 values"),
+        "big-endian": (lambda p: rows(p, 4, ">f4").tobytes(), "big-endian float32"),
+        "NCLT": (lambda p: multiple(nclt_hits(p), 16), None),
+    },
+    "nclt": {
+        "KITTI": (lambda p: rows(p, 4).tobytes(), "format kitti"),
+        "float64": (lambda p: rows(p, 4, "<f8").tobytes(), None),
+        "centimetres": (lambda p: multiple((rows(p, 4, "f8") * 100).astype("<i2"), 8), None),
+    },
+    "helipr": {
+        "Velodyne": (lambda p: multiple(velodyne(p), 26), "format helipr_velodyne"),
+        "KITTI": (lambda p: multiple(rows(p, 4), 26), "format kitti"),
+        "float64": (lambda p: multiple(rows(p, 4, "<f8"), 26), None),
+    },
+    "custom": {
+        "right": (lambda p: rows(p, 4).tobytes(), None),
+        "five values": (lambda p: whole_records(rows(p, 5)), "float32 with 5 values"),
+        "millimetres": (lambda p: rows(p * 1000, 4).tobytes(), "points in millimetres"),
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ("layout", "kind"), [(layout, kind) for layout, kinds in LAYOUTS.items() for kind in kinds]
+)
+def test_wrong_files_are_noticed_in_every_layout(layout, kind, street, tmp_path):
+    content, named = LAYOUTS[layout][kind]
+    root, ground_z = write_session(layout, tmp_path, *street, content)
+    found = findings_of(open_session(layout, root, None), ground_z)
+    assert any(finding.unusable for finding in found) == (kind != "right")
+    if named is not None:
+        assert named in found[0].advice
 
 
 def with_files(session, files):
@@ -271,3 +377,27 @@ def test_rounding_errors_of_zero_are_no_wrong_types(street):
     points[::5, 1] = 1e-17
     points[::7, 2] = -1e-9
     assert not any("any unit" in f.found for f in scan_findings(points, HEIGHT))
+
+
+def room(height, half, top):
+    """Rays of a LiDAR at this height in a room of half its width, with a ceiling at ``top``."""
+    turn, tilt = np.meshgrid(np.linspace(-np.pi, np.pi, 600), np.radians(np.linspace(-22, 22, 32)))
+    rays = np.stack([np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)], -1)
+    rays = rays.reshape(-1, 3)
+    walls = [half[0], half[1], 0.0]
+    with np.errstate(divide="ignore"):
+        reach = np.min([np.abs(walls[k] / rays[:, k]) for k in (0, 1)], axis=0)
+        reach = np.minimum(reach, np.where(rays[:, 2] > 0, top, height) / np.abs(rays[:, 2]))
+    noise = np.random.default_rng(0).normal(0, 0.02, rays.shape)
+    return rays[reach < 100] * reach[reach < 100, None] + noise[reach < 100]
+
+
+@pytest.mark.parametrize(
+    ("height", "half", "top"),
+    [
+        *[(0.5, (4, 3), 2.0), (0.6, (40, 1.2), 1.8), (1.7, (300, 300), 0.6)],  # room, corridor,
+        *[(1.8, (300, 4), 3.0), (1.8, (300, 9), 60.0)],  # garage, tunnel, narrow street
+    ],
+)
+def test_indoors_and_between_walls_is_not_doubted(height, half, top):
+    assert scan_findings(room(height, half, top), -height, single=False) == []

@@ -58,5 +58,13 @@ class Case:
         >>> Case("Scan Context 20x60", "", "sim_nclt", "test").file_name(".csv")
         'Scan_Context_20x60__sim_nclt__test.csv'
         """
-        parts = (self.method, self.test, self.region)
-        return "__".join(re.sub(r"[^A-Za-z0-9_-]+", "_", part) for part in parts) + ending
+        return "__".join(map(in_file_names, (self.method, self.test, self.region))) + ending
+
+
+def in_file_names(text: str) -> str:
+    """A text as part of a file's name: letters, digits, '-' and '_'.
+
+    >>> in_file_names("../RING 120")
+    '_RING_120'
+    """
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", text)

@@ -7,6 +7,7 @@ from typing import cast
 from matplotlib.figure import Figure
 
 from deepring.data.dataset import RetrievalSet
+from deepring.evaluation.case import in_file_names
 from deepring.evaluation.look_up import BEST
 from deepring.evaluation.matches import write_matches
 from deepring.evaluation.protocol import Outcome, evaluate_method
@@ -103,7 +104,7 @@ def _show(plan: Plan, folder: Path, outcomes: list[tuple[RetrievalSet, list[Outc
         plan.network.cpu()
     figures: dict[str, Figure] = {}
     for split, of in outcomes if plan.evaluation.figures else []:
-        prefix = f"{split.name}_{split.region}/" if len(outcomes) > 1 else ""
+        prefix = f"{in_file_names(split.name)}_{split.region}/" if len(outcomes) > 1 else ""
         pictures = evaluation_figures(of, split, plan.network, plan.evaluation.counted_over)
         figures |= {prefix + name: figure for name, figure in pictures.items()}
     for name, figure in figures.items():

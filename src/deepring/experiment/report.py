@@ -1,28 +1,19 @@
-"""A run as one page: results, maps, curves, and the worst failures with their scans."""
+"""A run as one page: results, maps, curves, and the worst failures with their scans.
+
+The run may be another's: nothing that its config names is imported, and nothing is written.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-import torch
 from omegaconf import OmegaConf
 
-from deepring.core.correlation import correlation_curves
-from deepring.data.cache import RasterCache
-from deepring.data.dataset import RetrievalSet
-from deepring.errors import ConfigError, DeepringError, FileError
-from deepring.evaluation.matches import TopMatches, matches_in
+from deepring.errors import ConfigError, FileError
 from deepring.evaluation.results import Result, read_results
-from deepring.evaluation.task import load_task, rows_of
 from deepring.experiment.config import Config, check_config
-from deepring.experiment.pictures import period_of
-from deepring.experiment.plan import plan_evaluation
+from deepring.experiment.failures import failure_parts
 from deepring.experiment.run_folder import read_config
-from deepring.methods.deepring import DeepRing
-from deepring.methods.network_file import SHIPPED
-from deepring.rasters import BevRaster
 from deepring.reports import html
-from deepring.reports.failures import ScanView, failure_figure
 
 #: Captions of the figures, in their order on the page, by the beginning of their files' names.
 FIGURES = {
@@ -53,7 +44,7 @@ def report(run: Path, failures: int = 6) -> str:
         html.table(_HEAD, [_row(r) for r in results if r.radius_m == radius]),
         *_pictures(run / "figures"),
         html.heading("The worst failures"),
-        *_failures(run, cfg, radius, failures),
+        *failure_parts(run, cfg, radius, failures),
         html.heading("Config"),
         html.preformatted((run / "config.yaml").read_text(encoding="utf-8")),
     ]
@@ -84,81 +75,3 @@ def _pictures(folder: Path) -> Iterator[str]:
         for file in files:
             name = file.relative_to(folder).with_suffix("").as_posix().replace("_", " ")
             yield html.picture(file, name)
-
-
-def _failures(run: Path, cfg: Config, radius: float, count: int) -> Iterator[str]:
-    """Figures of the wrong answers with the highest scores."""
-    checkpoints = [run / "checkpoints" / name for name in ("best.ckpt", "last.ckpt")]
-    configured = [] if cfg.checkpoint is None else [Path(cfg.checkpoint)]
-    present = (c for c in (*configured, *checkpoints) if c.is_file() or str(c) == SHIPPED)
-    checkpoint = next(present, None)
-    if checkpoint is None:
-        yield html.paragraph("The run holds no checkpoint: failures are drawn only for networks.")
-        return
-    try:
-        plan = plan_evaluation(cfg, checkpoint)
-    except DeepringError as error:
-        yield html.paragraph(f"Not drawn, since the scans are not available: {error}")
-        return
-    network = plan.network
-    if not isinstance(network, DeepRing) or not isinstance(network.raster, BevRaster):
-        yield html.paragraph("Failures are drawn only for DeepRING over bird's-eye views.")
-        return
-    network.cpu()
-    by_case = {(m.case.method, m.case.test, m.case.region): m for m in matches_in(run)}
-    for split in plan.splits:
-        matches = by_case.get((network.settings.label, split.name, split.region))
-        if matches is None:
-            continue
-        answerable = matches.nearest <= radius
-        wrong = np.flatnonzero((matches.distance[:, 0] > radius) & answerable)
-        yield html.paragraph(
-            f"{split.name}, {split.region}: {len(wrong)} of {answerable.sum()} answerable queries "
-            f"are wrong; shown are the {min(count, len(wrong))} of the highest scores."
-        )
-        worst = wrong[np.argsort(-matches.score[wrong, 0], kind="stable")][:count]
-        yield from _failure_figures(plan.cache, network, split, matches, worst)
-
-
-def _failure_figures(
-    cache: RasterCache,
-    network: DeepRing,
-    split: RetrievalSet,
-    matches: TopMatches,
-    worst: np.ndarray,
-) -> Iterator[str]:
-    """The queries at rows ``worst`` of the matches, each with its best and its nearest place."""
-    raster = network.raster
-    assert isinstance(raster, BevRaster)
-    task = load_task(cache, split, raster)
-    queries, database = task.scans.query, task.scans.database
-    for number, best, score in zip(
-        matches.query[worst], matches.place[worst, 0], matches.score[worst, 0], strict=True
-    ):
-        query, place = rows_of(queries, number), rows_of(database, best)
-        away = np.linalg.norm(database.positions - queries.positions[query], axis=1)
-        right = int(away.argmin())
-        images = [
-            ("query", task.query[query : query + 1]),
-            (f"retrieved, {away[place]:.0f} m", task.database[place : place + 1]),
-            (f"nearest, {away[right]:.0f} m", task.database[right : right + 1]),
-        ]
-        caption = (
-            f"Scan {number}: score {score:.3f}, retrieved scan {best}, {away[place]:.0f} m away; "
-            f"the nearest place is {away[right]:.0f} m away"
-        )
-        yield html.picture(
-            failure_figure(_views(network, images), raster.extent, period_of(network)), caption
-        )
-
-
-def _views(network: DeepRing, images: list[tuple[str, torch.Tensor]]) -> list[ScanView]:
-    """Views of the images (1, n, n) by the network: the query first, then places."""
-    query = network.describe(images[0][1])
-    views = []
-    for number, (title, image) in enumerate(images):
-        curve = correlation_curves(query, network.describe(image))[0, 0].numpy()
-        sinogram = network.representation(image)[0, 0].numpy()
-        bev = image[0].bool().numpy()
-        views.append(ScanView(title, bev, sinogram, curve if number else None))
-    return views

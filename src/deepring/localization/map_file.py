@@ -33,7 +33,7 @@ class MapHeader:
     names: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        checks.number("ground_z", self.ground_z, "metres")
+        checks.between("ground_z", self.ground_z, -1e6, 1e6, "metres")
         for name in ("fit", "ratio"):
             checks.at_least(f"thresholds.{name}", getattr(self.thresholds, name), 0)
         expect_shape(self.shape)

@@ -87,7 +87,8 @@ class NetworkMethod(nn.Module, ABC):
     @classmethod
     def from_fingerprint(cls, made_by: dict[str, Any]) -> Self:
         """The network that a `deepring.evaluation.fingerprint.fingerprint` is of, on 'meta'."""
-        return cls.without_weights(cls.settings_class.from_dict(made_by.get("settings")))
+        settings: Any = made_by.get("settings")  # None is refused
+        return cls.without_weights(cls.settings_class.from_dict(settings))
 
     @classmethod
     def without_weights(cls, settings: PlainSettings) -> Self:

@@ -42,11 +42,13 @@ class Preprocessing:
 
     def __post_init__(self) -> None:
         height = checks.interval("preprocessing.height", self.height, "metres")
+        for end in height:
+            checks.between("preprocessing.height", end, -FARTHEST, FARTHEST, "metres")
         object.__setattr__(self, "height", height)
         if checks.count("preprocessing.window", self.window, most=999) % 2 == 0:
             raise ConfigError(f"preprocessing.window: {self.window}, expected an odd number")
         if self.clearance is not None:
-            checks.at_least("preprocessing.clearance", self.clearance, 0, "metres, or null,")
+            checks.between("preprocessing.clearance", self.clearance, 0, FARTHEST, "metres")
         for name in ("cell", "extent"):
             length = checks.positive(f"preprocessing.{name}", getattr(self, name), "metres")
             checks.between(f"preprocessing.{name}", length, 0, FARTHEST, "metres")

@@ -8,6 +8,12 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from deepring.errors import FileError
+from deepring.reports.style import without_formulas
+from deepring.text import printable, printable_lines
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #262626; margin: 2rem auto; max-width: 70rem;
   padding: 0 1rem; }
@@ -26,45 +32,54 @@ def page(title: str, parts: Iterable[str]) -> str:
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{html.escape(title)}</title>\n<style>\n{_STYLE}\n</style>\n</head>\n<body>\n"
-        f"<h1>{html.escape(title)}</h1>\n{body}\n</body>\n</html>\n"
+        f"<title>{_text(title)}</title>\n<style>\n{_STYLE}\n</style>\n</head>\n<body>\n"
+        f"<h1>{_text(title)}</h1>\n{body}\n</body>\n</html>\n"
     )
+
+
+def _text(text: str) -> str:
+    """Plain text as HTML, in an element or between the quotes of an attribute.
+
+    What does not print is escaped first, so that no mark of direction turns the text around.
+    """
+    return html.escape(printable(text))
 
 
 def heading(text: str) -> str:
     """A section heading."""
-    return f"<h2>{html.escape(text)}</h2>"
+    return f"<h2>{_text(text)}</h2>"
 
 
 def paragraph(text: str) -> str:
     """A paragraph of plain text."""
-    return f"<p>{html.escape(text)}</p>"
+    return f"<p>{_text(text)}</p>"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table of plain text."""
-    cells = "".join(f"<th>{html.escape(name)}</th>" for name in head)
+    cells = "".join(f"<th>{_text(name)}</th>" for name in head)
     lines = [
-        "<tr>" + "".join(f"<td>{html.escape(value)}</td>" for value in row) + "</tr>"
-        for row in rows
+        "<tr>" + "".join(f"<td>{_text(value)}</td>" for value in row) + "</tr>" for row in rows
     ]
     return f"<table>\n<tr>{cells}</tr>\n" + "\n".join(lines) + "\n</table>"
 
 
 def preformatted(text: str) -> str:
     """A preformatted block."""
-    return f"<pre>{html.escape(text)}</pre>"
+    return f"<pre>{html.escape(printable_lines(text))}</pre>"
 
 
 def picture(source: Figure | Path, caption: str) -> str:
     """A figure or a PNG file, embedded in the page; the caption is also its alternative text."""
     if isinstance(source, Path):
         data = source.read_bytes()
+        if source.is_symlink() or not data.startswith(_PNG):
+            raise FileError(f"{source}: no PNG file, expected a figure of the run; delete it")
     else:
         buffer = io.BytesIO()
-        source.savefig(buffer, format="png", dpi=110)
+        without_formulas(source).savefig(buffer, format="png", dpi=110)
         data = buffer.getvalue()
-    words = html.escape(caption)
+    words = _text(caption)
     base64_text = base64.b64encode(data).decode()
     return (
         f'<figure><img src="data:image/png;base64,{base64_text}" alt="{words}">'

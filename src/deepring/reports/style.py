@@ -5,11 +5,12 @@ global state, so that figures work without a display and in several threads.
 """
 
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from deepring.io.files import replacing
 
@@ -59,10 +60,23 @@ def legend_below(figure: Figure, columns: int, **options: Any) -> None:
     figure.legend(loc="outside lower center", **options)
 
 
+def without_formulas(figure: Figure) -> Figure:
+    """The figure, with what stands between dollar signs drawn as it is written.
+
+    Names come from files; matplotlib would take such text for a formula, and refuse what is none.
+    """
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.get_ticklabels(which="both")  # makes them
+    for text in figure.findobj(Text):
+        cast("Text", text).set_parse_math(False)
+    return figure
+
+
 def save(figure: Figure, path: str | Path, dpi: float = 150.0) -> None:
     """Write a PNG in one step, creating folders.
 
     Raises FileError if the file cannot be written.
     """
     with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=dpi)
+        without_formulas(figure).savefig(temporary, format="png", dpi=dpi)

@@ -3,7 +3,7 @@
 import csv as csv_format
 import io
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from rich import box
@@ -12,6 +12,7 @@ from rich.console import Group
 from rich.text import Text
 
 from deepring.errors import DataError
+from deepring.text import printable
 
 #: Text of a missing value.
 NONE = "-"
@@ -86,7 +87,7 @@ def short_text(value: float) -> str:
 def terminal(tables: Sequence[Table]) -> Group:
     """The tables, one below the other; numbers keep their width on a narrow terminal."""
     parts: list[Text | rich_table.Table] = []
-    for table in tables:
+    for table in map(_printable, tables):
         parts += [Text(table.title), _rich(table)]
         if table.notes:
             parts += [*map(Text, table.notes), Text("")]
@@ -111,25 +112,42 @@ def _rich(table: Table) -> rich_table.Table:
 def markdown(tables: Sequence[Table]) -> str:
     """The tables, one below the other, ending in a newline; notes are a list."""
     lines = []
-    for table in tables:
+    for table in map(_printable, tables):
         rule = ["---" if index < table.names else "---:" for index in range(len(table.headers))]
-        headers = [header.replace("|", r"\|") for header in table.headers]
+        headers = [_md(header) for header in table.headers]
         cells = [
             [f"**{text}**" if bold else text for text, bold in _escaped(row)] for row in table.rows
         ]
         rows = [f"| {' | '.join(row)} |" for row in (headers, rule, *cells)]
-        lines += [table.title, "", *rows, ""]
+        lines += [_md(table.title), "", *rows, ""]
         if table.notes:
-            lines += [*(f"- {note}" for note in table.notes), ""]
+            lines += [*(f"- {_md(note)}" for note in table.notes), ""]
     return "\n".join(lines)
 
 
 def _escaped(row: Sequence[Cell]) -> Iterable[Cell]:
-    return (Cell(text.replace("|", r"\|"), bold) for text, bold in row)
+    return (Cell(_md(text), bold) for text, bold in row)
+
+
+def _md(text: str) -> str:
+    """Text of a cell or a line; Markdown would take the brackets of tags for HTML."""
+    return text.replace("|", r"\|").replace("<", r"\<")
+
+
+def _printable(table: Table) -> Table:
+    """The table with its texts on one line each, and without characters that do not print."""
+    return replace(
+        table,
+        title=printable(table.title),
+        headers=[printable(header) for header in table.headers],
+        rows=[[Cell(printable(text), bold) for text, bold in row] for row in table.rows],
+        notes=[printable(note) for note in table.notes],
+    )
 
 
 def latex(table: Table) -> str:
     r"""A ``table`` environment that needs ``\usepackage{booktabs}``, ending in a newline."""
+    table = _printable(table)
     columns = "l" * table.names + "r" * (len(table.headers) - table.names)
     lines = [
         r"\begin{table}[t]",

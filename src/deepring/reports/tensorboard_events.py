@@ -11,6 +11,7 @@ from torch.utils.tensorboard import SummaryWriter
 
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.protocol import Outcome
+from deepring.reports.style import without_formulas
 
 #: Thresholds that TensorBoard's PR page draws.
 THRESHOLDS = 127
@@ -40,7 +41,7 @@ def write_events(
                 final_metrics[tag] = getattr(head, metric)
             add_pr_curve(writer, f"test/{place}/{case.method}", outcome.matches, head.radius_m)
         for tag, figure in figures.items():
-            writer.add_figure(tag, figure, close=False)
+            writer.add_figure(tag, without_formulas(figure), close=False)
         writer.add_hparams(dict(hyperparameters), final_metrics, run_name=".")
 
 

@@ -102,7 +102,7 @@ def _steps(gaps: Gaps, name: str, limit: float, unit: str) -> str:
 
 def _labelled(label: str, text: str) -> list[str]:
     """Text behind a label, wrapped; lines of the text stay lines, long names stay whole."""
-    lines = []
+    lines: list[str] = []
     for line in text.splitlines():
         first = f"  {label:<9}" if not lines else " " * 11
         lines += textwrap.wrap(

@@ -34,6 +34,8 @@ UNITS = {
     "inches": 0.0254,
     "kilometres": 1000.0,
 }
+#: Metres of height that another reading must show.
+LEAST_SPAN = 1.0
 #: Metres from a sensor to half of the points of most scans.
 USUAL_DISTANCE = 15.0
 #: Axes of other frames, as rows that give x forward, y left, z up; all right-handed.
@@ -55,8 +57,9 @@ class Reading:
 
 
 def plausible(figures: ScanFigures, ground_z: float) -> bool:
-    """Nothing is doubtful, and the ground lies where it should."""
-    return shows_ground(figures) and not figure_findings(figures, ground_z)
+    """Nothing is doubtful, the ground lies where it should, and something stands on it."""
+    stands = figures.span_z > LEAST_SPAN
+    return stands and shows_ground(figures) and not figure_findings(figures, ground_z)
 
 
 def other_axes(scans: Sequence[Coordinates], ground_z: float) -> Reading | None:

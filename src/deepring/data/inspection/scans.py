@@ -20,16 +20,16 @@ MOST_ODD = 0.02
 LEAST_MIXED, LEAST_MIXED_POINTS = 0.06, 500
 #: Difference of every other record: up to 0.05; 0.4 or more where every other one is no point.
 MOST_ALTERNATING, LEAST_ALTERNATING_POINTS = 0.3, 500
-#: Metres from the sensor to half of the points: 4 to 52. Less than 1 is no surroundings of a
-#: vehicle, but coordinates scaled to 1; more than 150 is another unit or another origin.
-NEAREST, FAR, FARTHEST = 1.0, 100.0, 150.0
+#: Metres from the sensor to half of the points: 4 to 52. In a corridor 1.2. Less than 0.8 is no
+#: surroundings, but coordinates scaled to 1; more than 150 is another unit or another origin.
+NEAREST, FAR, FARTHEST = 0.8, 100.0, 150.0
 #: Share within 80 m: 0.86 to 1.00. An image of less shows little.
 LEAST_FIELD, UNUSABLE_FIELD = 0.5, 0.1
 #: Share beyond 250 m: up to 0.002.
 MOST_BEYOND = 0.1
 #: Metres between the lowest and highest 5 %: 2 to 14. Houses are 100 m high in a few cities, and
-#: where there is less than 1 m hardly anything stands out of the ground.
-LOWEST, TALLEST = 1.0, 120.0
+#: where there is less than 0.4 m hardly anything stands out of the ground (0.5 on an open field).
+LOWEST, TALLEST = 0.4, 120.0
 #: Extent of z against the smaller one of x and y: up to 0.4, about 1 in a corridor. Where z extends
 #: over more metres than `UPRIGHT_FROM` and is several times the other, it is not up.
 UPRIGHT, UPRIGHT_FROM = 2.0, 10.0
@@ -43,6 +43,8 @@ LEAST_GROUND = 0.5
 #: Metres between the ground that the points show and where it should be: up to 0.4 as a median of
 #: several scans. Single scans tilt.
 MOST_GROUND_OFF, MOST_GROUND_OFF_SINGLE = 0.75, 1.2
+#: Metres above the ground, from which the surroundings that are looked at show little of it.
+HIGHEST_SENSOR = 10.0
 #: Metres and ratio: points lie below the ground, and several times as deep as others are high.
 DEEPEST, DEEPER = 3.0, 2.0
 #: Points, below which no image can be recognised: 4000 to 130 000.
@@ -199,7 +201,8 @@ def ground_finding(f: ScanFigures, ground_z: float | None, single: bool = False)
     if ground_z is None:
         return None
     most = MOST_GROUND_OFF_SINGLE if single else MOST_GROUND_OFF
-    if shows_ground(f) and abs(f.ground - ground_z) > most:
+    in_view = -ground_z < HIGHEST_SENSOR
+    if in_view and shows_ground(f) and abs(f.ground - ground_z) > most:
         return Finding(
             "ground",
             f"the points show it at z = {f.ground:.2f} m, but it should be at {ground_z:.2f} m",
