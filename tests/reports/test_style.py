@@ -39,7 +39,7 @@ def test_a_failed_save_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatc
         raise OSError(28, "disk full")
 
     monkeypatch.setattr(figure, "savefig", half)
-    with pytest.raises(DeepringError, match="disk full"):
+    with pytest.raises(DeepringError, match="no space is left"):
         save(figure, path)
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
