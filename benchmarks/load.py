@@ -36,7 +36,7 @@ LIMITS = {
     "open a map, all bytes checked": Limit(12, 1500),
     "open a session": Limit(30, 1000),
     "check its poses": Limit(2, 1000),
-    "overlay a few of its scans": Limit(5, 1000),
+    "inspect it": Limit(10, 1000),
     "read a scan": Limit(1, 600),
     "draw it from above": Limit(0.1, 600),
     "describe it": Limit(1, 600),

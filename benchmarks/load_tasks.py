@@ -10,7 +10,8 @@ import numpy as np
 import torch
 from scenes import outline, scan
 
-from deepring.data.inspection.poses import overlay_findings, pose_findings
+from deepring.data.inspection.poses import pose_findings
+from deepring.data.inspection.session import inspect
 from deepring.data.readers import open_session
 from deepring.data.scans.scan_files import read_scan
 from deepring.data.session import Session
@@ -170,7 +171,7 @@ def session(folder: Path, size: Size) -> Iterator[Figure]:
     assert len(drive) >= size.scans - 1
     yield opened
     yield figure("check its poses", size.scans, lambda: pose_findings(drive))[0]
-    yield figure("overlay a few of its scans", size.scans, lambda: overlay_findings(drive))[0]
+    yield figure("inspect it", size.scans, lambda: inspect(drive, -1.8))[0]
 
 
 def dense(folder: Path, size: Size) -> Iterator[Figure]:

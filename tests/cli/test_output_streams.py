@@ -81,7 +81,7 @@ def test_a_map_is_built_and_searched_in_ascii(tiny_nclt, tmp_path):
     done = deepring("localize", name, *options, cwd=tmp_path, encoding="ascii")
     assert done.returncode == 0, done.stderr
     assert "yaw deg" in done.stdout
-    assert r"a\xff.bin" in done.stdout
+    assert r"a\udcff.bin" in done.stdout
 
 
 def shell(script, cwd, **environment):
@@ -142,4 +142,4 @@ def test_a_mistake_is_told_in_the_encoding_of_the_c_locale(tmp_path):
     assert done.returncode == 2
     assert done.stderr.isascii()
     assert done.stderr.count(b"\n") == 1
-    assert b"\\xc3\\xb6/ a\\n\\x1bb.map: no such file" in done.stderr
+    assert b"n\\udcc3\\udcb6/ a\\n\\x1bb.map: no such file" in done.stderr

@@ -384,15 +384,6 @@ def test_other_bytes_in_place_of_a_message_are_named(tmp_path):
         assert np.array_equal([first.read(), third.read()], SCANS[:2])
 
 
-@every_kind
-def test_a_git_lfs_pointer_is_called_so(kind, tmp_path):
-    path = write_bag(tmp_path, kind, {"/points": CLOUDS})
-    pointer = f"version https://git-lfs.github.com/spec/v1\noid sha256:{0:064d}\nsize 9\n"
-    file_of(path).write_text(pointer)
-    with pytest.raises(BrokenScanError, match=r"drive\.\w+:? is a Git LFS pointer, not the file"):
-        next(bag_scans(path))
-
-
 def test_a_bag_of_several_files_is_read_in_the_order_of_metadata(tmp_path):
     path = write_bag(tmp_path, "folder", {"/points": CLOUDS})
     shutil.copy(path / "drive.db3", path / "drive_1.db3")

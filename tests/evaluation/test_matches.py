@@ -33,8 +33,8 @@ def any_matches(draw):
         place=draw(hnp.arrays(np.int64, (n, k), elements=scans)),
         score=draw(floats((n, k))),
         turn=draw(st.none() | floats((n, k), allow_infinity=False)),
-        distance=draw(floats((n, k), min_value=0)),
-        nearest=draw(floats(n, min_value=0)),
+        distance=draw(floats((n, k), min_value=0, allow_infinity=False)),
+        nearest=draw(floats(n, min_value=0, allow_infinity=False)),
     )
 
 

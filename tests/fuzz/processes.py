@@ -1,5 +1,6 @@
 """Inputs in processes of their own: one that dies, or stays away, is an outcome too."""
 
+import logging
 import multiprocessing
 import os
 import shutil
@@ -82,7 +83,7 @@ class _Worker:
     def __init__(self, context: Any, work: _Work) -> None:
         self.connection, theirs = context.Pipe()
         self.todo, self.limits, self.ended = list(work.inputs), work.limits, False
-        self.since = time.monotonic()
+        self.since, self.started = time.monotonic(), False
         self.process = context.Process(target=_do, args=(work, theirs), daemon=True)
         self.process.start()
         theirs.close()
@@ -91,9 +92,11 @@ class _Worker:
         """What it has sent; if it died, the input that it had begun is what kills it."""
         try:
             while self.connection.poll():
-                outcome, done = self.connection.recv()
+                received = self.connection.recv()
                 self.since = time.monotonic()
-                yield self.todo.pop(0), outcome, done
+                self.started = True
+                if received is not None:
+                    yield self.todo.pop(0), *received
         except (EOFError, OSError):
             self.process.join(5)
             self.ended = True
@@ -106,7 +109,9 @@ class _Worker:
 
     def overdue(self) -> bool:
         """Whether the present input takes far longer than its limit."""
-        return not self.ended and time.monotonic() - self.since > 2 * self.limits.seconds + 60
+        # Imports take their time where other programs run.
+        most = 10 * self.limits.seconds + (60 if self.started else 300)
+        return not self.ended and time.monotonic() - self.since > most
 
     def killed(self) -> Iterator[Result]:
         """End a process that hangs."""
@@ -122,7 +127,8 @@ class _Worker:
 
 def _do(work: _Work, out: Connection) -> None:
     prepare_process()
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what libraries print is no outcome
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is printed or logged is no outcome
+    logging.disable()
     formats = {format.name: format for format in import_module(work.source).every_format()}
     benches: dict[str, Bench] = {}
     try:
@@ -130,6 +136,7 @@ def _do(work: _Work, out: Connection) -> None:
             if name.format not in benches:
                 folder = work.folder / name.format.replace(" ", "_")
                 benches[name.format] = Bench(formats[name.format], folder, work.limits)
+                out.send(None)
             out.send(benches[name.format].run(name))
     except BaseException:
         traceback.print_exc()

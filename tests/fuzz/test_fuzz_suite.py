@@ -2,6 +2,7 @@
 
 import io
 import json
+import logging
 import random
 import re
 import zipfile
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from rosbags.rosbag2 import Reader
 
 from deepring.errors import DataError
-from fuzz import planted
+from fuzz import planted, report
 from fuzz.__main__ import main
 from fuzz.decoders import bags, lzf, sealed
 from fuzz.files import UndecodableError
@@ -26,6 +27,9 @@ from fuzz.processes import run_all
 from helpers.bags import START
 
 FORMATS = {format.name: format for format in every_format()}
+#: Inputs of each format with the default tests; `make fuzz` runs thousands.
+FEW = 8
+
 by_format = pytest.mark.parametrize("name", FORMATS)
 
 
@@ -52,6 +56,14 @@ def test_inputs_follow_from_their_names_and_decoders_read_the_good_files(bench_o
     assert inputs == again
     assert any(files != bench.good for files, _ in inputs)
     assert inputs != [mutated(bench.format, Name(name, 1, k), bench.good) for k in range(6)]
+
+
+@by_format
+def test_a_few_inputs_of_each_format_are_read_right_or_refused(bench_of, name, caplog):
+    caplog.set_level(logging.CRITICAL)  # a cache says that it is made anew
+    bench = bench_of(name)
+    results = [(one, *bench.run(one)) for one in (Name(name, 0, k) for k in range(FEW))]
+    assert not report.bad(results), f"make fuzz runs more of them:\n{report.faults(results)}"
 
 
 def test_planted_faults_are_noticed(tmp_path):

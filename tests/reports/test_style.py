@@ -1,5 +1,6 @@
 """What all figures share: no window, no global state, files written whole."""
 
+import errno
 import subprocess
 import sys
 from pathlib import Path
@@ -36,10 +37,10 @@ def test_a_failed_save_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatc
 
     def half(target, **_):
         target.write_bytes(b"half")
-        raise OSError(28, "disk full")
+        raise OSError(errno.ENOSPC, "a system's words")
 
     monkeypatch.setattr(figure, "savefig", half)
-    with pytest.raises(DeepringError, match="no space is left"):
+    with pytest.raises(DeepringError, match="no space is left on the disk"):
         save(figure, path)
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from deepring.cli.console import console
 from deepring.cli.mistakes import MISTAKE, error_message
-from deepring.cli.warnings import say_skipped
+from deepring.cli.notices import say_skipped
 from deepring.data.inspection.scans import expect_plausible
 from deepring.data.readers import open_session
 from deepring.data.readers.custom.drive_file import is_drive_file

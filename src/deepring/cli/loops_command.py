@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 
 from deepring.cli.console import console
+from deepring.cli.notices import warn
 from deepring.cli.options import expect_new, network_of, open_drive
-from deepring.cli.warnings import warn
 from deepring.data.left_out import LeftOut
 from deepring.io.files import cut_short, write_together
 from deepring.localization.graph_files import g2o_lines, json_text, tum_lines

@@ -7,8 +7,8 @@ import numpy as np
 
 from deepring.checks import fraction
 from deepring.cli.console import console
+from deepring.cli.notices import warn
 from deepring.cli.options import expect_new, network_of, open_drive
-from deepring.cli.warnings import warn
 from deepring.data.left_out import LeftOut, usable_scans
 from deepring.localization.calibration import Tolerance, calibrate, trials_of
 from deepring.localization.location import Location

@@ -7,8 +7,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from deepring.cli.notices import say_skipped, warn
 from deepring.cli.parser import Names, Parser, number
-from deepring.cli.warnings import say_skipped, warn
 from deepring.errors import DataError, FileError
 from deepring.io.files import part_of
 

@@ -18,6 +18,7 @@ from deepring.errors import FileError
 #: What the pickle of a checkpoint names, other than storages of numbers: a dict, and tensors.
 _NAMES = {
     "collections OrderedDict",
+    "collections Counter",  # milestones of a schedule
     "torch._utils _rebuild_tensor_v2",
     "torch._utils _rebuild_parameter",
 }
@@ -43,7 +44,9 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         )
     try:
         _check_parts(path)
-        state = torch.load(path, map_location="cpu", weights_only=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what is loaded is checked
+            state = torch.load(path, map_location="cpu", weights_only=True)
         _check_state(state, path.stat().st_size)
     except Exception as error:  # damaged files and other ones fail in many ways
         raise FileError(

@@ -1,10 +1,13 @@
 """ROS bags: records of ROS 1 bags and of MCAP files, and tables of ROS 2's SQLite files."""
 
+import bz2
 import sqlite3
 import struct
 from collections.abc import Iterator
 from typing import Any
 from zlib import crc32
+
+import lz4.frame
 
 from fuzz.decoders import cloud_message
 from fuzz.decoders.points import some
@@ -13,6 +16,7 @@ from fuzz.files import UndecidedError, UndecodableError
 Messages = list[tuple[int, bytes]]
 """Time of recording, and the content."""
 
+_CLOUD = "sensor_msgs/PointCloud2"
 _MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -41,11 +45,9 @@ def rosbag1(content: bytes) -> list[Any]:
         if op == 3:
             head = fields
         elif op == 5:
-            if fields.get("compression") != b"none":
-                raise UndecidedError  # other compressions are not decoded here
-            if _field(fields, "size", "I") != len(data):
-                raise UndecodableError("a chunk of another size")
-            chunks.append(list(_chunk(data)))
+            size = _field(fields, "size", "I")
+            whole = _decompressed(fields.get("compression", b"none"), data, size)
+            chunks.append(list(_chunk(whole)))
             positions.append(at)
         elif op == 4 and chunks:
             continue  # the index of the chunk, which is read whole
@@ -67,18 +69,35 @@ def rosbag1(content: bytes) -> list[Any]:
         raise UndecodableError("a header other than the records")
     messages = []
     for position, chunk in zip(positions, chunks, strict=True):
-        counts: dict[int, int] = {}
+        counts = {number: 0 for number, kind in connections.items() if kind == _CLOUD}
+        stated = {number: infos[position].get(number, 0) for number in counts}
         for connection, *_ in chunk:
-            counts[connection] = counts.get(connection, 0) + 1
-        if counts != infos[position]:
+            if connection in counts:
+                counts[connection] += 1
+        if counts != stated:
             raise UndecodableError("a chunk info other than the chunk")
-        messages += [
-            (time, data)
-            for connection, time, data in chunk
-            if connections.get(connection) == "sensor_msgs/PointCloud2"
-        ]
+        messages += [(time, data) for connection, time, data in chunk if connection in counts]
     messages.sort(key=lambda message: message[0])
     return scans(messages, cdr=False)
+
+
+def _decompressed(name: bytes, data: bytes, size: int) -> bytes:
+    """The ``size`` bytes of a chunk."""
+    if name == b"none":
+        whole = data
+    elif name in (b"bz2", b"lz4"):
+        stream: Any = bz2.BZ2Decompressor() if name == b"bz2" else lz4.frame.LZ4FrameDecompressor()
+        try:
+            whole = stream.decompress(data, max_length=size + 1)
+        except (OSError, ValueError, EOFError, RuntimeError) as error:
+            raise UndecodableError("a chunk that is not compressed") from error
+        if not stream.eof or stream.unused_data:
+            raise UndecodableError("a chunk cut short or with more behind it")
+    else:
+        raise UndecodableError("a chunk of an unknown compression")
+    if len(whole) != size:
+        raise UndecodableError("a chunk of another size")
+    return whole
 
 
 def _chunk(data: bytes) -> Iterator[tuple[int, int, bytes]]:

@@ -62,13 +62,7 @@ def _header(content: bytes) -> tuple[dict[str, list[str]], bytes]:
         end = content.find(b"\n", at)
         if end < 0 or end > 100_000:
             raise UndecodableError("no DATA line")
-        try:
-            line = content[at:end].decode("ascii").strip()
-        except UnicodeDecodeError:
-            if content[at:end].lstrip().startswith(b"#"):
-                line = "#"
-            else:
-                raise UndecodableError("a header that is no text") from None
+        line = content[at:end].decode("latin-1").strip()
         at = end + 1
         if line.startswith("#") or not line:
             continue

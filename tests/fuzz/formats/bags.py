@@ -28,12 +28,16 @@ _SCANS = 6
 
 def formats() -> Iterator[Format]:
     """All bags."""
-    decoders = {"bag": bags.rosbag1, "mcap": bags.mcap, "db3": bags.sqlite_bag}
-    for kind, decode in decoders.items():
+    decoders = {
+        **dict.fromkeys(("bag", "bag bz2", "bag lz4"), bags.rosbag1),
+        **{"mcap": bags.mcap, "db3": bags.sqlite_bag},
+    }
+    for name, decode in decoders.items():
+        kind, _, compression = name.partition(" ")
         file = f"drive.{kind}"
         yield Format(
-            f"bag {kind}",
-            partial(_written, kind, file),
+            f"bag {name}",
+            partial(_written, kind, file, compression),
             (raw(file),),
             partial(_scans, file),
             lambda files, decode=decode, file=file: decode(files[file]),
@@ -78,10 +82,10 @@ def _clouds() -> list[Any]:
     return [np.array(scene(k, 24), np.float32) for k in range(_SCANS)]
 
 
-def _written(kind: str, file: str, _: Path) -> Files:
+def _written(kind: str, file: str, compression: str, _: Path) -> Files:
     with tempfile.TemporaryDirectory() as folder:
         topics = {"/points": [message(c, after=4) for c in _clouds()], "/notes": ["a", "b"]}
-        path = write_bag(Path(folder), kind, topics)
+        path = write_bag(Path(folder), kind, topics, compression=compression)
         return {file: path.read_bytes()}
 
 

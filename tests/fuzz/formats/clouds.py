@@ -45,6 +45,9 @@ def formats() -> Iterator[Format]:
         extra = (lzf_stream("a.pcd"), lzf_stream("a.pcd")) if form == "binary_compressed" else ()
         header = pcd_header("a.pcd")
         yield _scan(f"pcd {form}", "a.pcd", content, pcd.decode, (header, header, *extra))
+    organised = _organised(clouds[1])
+    header = pcd_header("a.pcd")
+    yield _scan("pcd of rows", "a.pcd", organised, pcd.decode, (header, header))
     for form in ("ascii", "binary_little_endian", "binary_big_endian"):
         content = _ply(form, clouds[1])
         header = ply_header("a.ply")
@@ -107,6 +110,17 @@ def _pcd(form: str, cloud: list[Point]) -> bytes:
     columns += [bytes(4 * len(cloud)), struct.pack("<f", 0.5) * len(cloud)]
     packed = compress(b"".join(columns))
     return header + struct.pack("<II", len(packed), 20 * len(cloud)) + packed
+
+
+def _organised(cloud: list[Point]) -> bytes:
+    """Rows and columns of doubles, with names in capitals and numbers of other types between."""
+    lines = (
+        *("VERSION .6", "FIELDS Ring X Y Z Label", "SIZE 2 8 8 8 4", "TYPE U F F F I"),
+        *("COUNT 1 1 1 1 2", f"WIDTH {len(cloud) // 4}", "HEIGHT 4", f"POINTS {len(cloud)}"),
+        "DATA binary",
+    )
+    rows = b"".join(struct.pack("<H3d2i", k % 4, *p, k, -1) for k, p in enumerate(cloud))
+    return ("\n".join(lines) + "\n").encode() + rows
 
 
 def _ply(form: str, cloud: list[Point]) -> bytes:

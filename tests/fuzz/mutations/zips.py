@@ -19,6 +19,11 @@ def zip_entries(name: str) -> Mutation:
         entries = _entries(files[name])
         entry = rng.choice(sorted(entries))
         kind, done = rng.randrange(9), ""
+        if rng.random() < 0.02:
+            # A file of kilobytes that stands for much more than a process may take.
+            entries[entry] = bytes(400 << 20)
+            files[name] = _zip(entries, zipfile.ZIP_DEFLATED)
+            return f"{name}: {entry} of 400 MB of zeros"
         if kind == 0:
             del entries[entry]
             done = f"without {entry}"

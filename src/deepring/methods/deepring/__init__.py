@@ -162,9 +162,9 @@ class DeepRing(NetworkMethod):
         step = encoder.stem * self.encoder.stride
         if rows % step or columns % step:
             raise ConfigError(
-                f"encoder: stem {encoder.stem} and {len(encoder.widths)} levels divide rows and "
-                f"columns by {step}, expected a divisor of {rows} x {columns}; choose fewer levels "
-                "or other numbers of rows"
+                f"encoder.widths: {len(encoder.widths)} levels and a stem of {encoder.stem} divide "
+                f"rows and columns by {step}, expected a divisor of {rows} x {columns}; choose "
+                "fewer levels or other numbers of rows"
             )
         widest = max(width / 4**level for level, width in enumerate(encoder.widths))
         if rows * columns * widest / encoder.stem**2 > _MOST_VALUES:
