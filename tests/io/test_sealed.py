@@ -345,6 +345,79 @@ def test_tensors_of_other_types_and_shapes_are_refused(folder, whole, name, dtyp
         refuse(path, r"tensor \w+: .* of shape .*, expected ")
 
 
+@pytest.mark.parametrize("value", [torch.nan, torch.inf, -torch.inf])
+@pytest.mark.parametrize("name", ["rows", "free.bias"])
+def test_values_that_are_not_finite_are_refused(box, name, value):
+    tensor = parts_of(box)[1][name]
+    tensor.view(-1)[-1] = value
+    rewritten(box, tensors={name: tensor})
+    refuse(box, rf"tensor {name}: values that are not finite, expected finite numbers")
+
+
+def test_values_of_large_tensors_are_read_with_every_byte(tmp_path):
+    large = TensorType("float32", ("n", 2), least=0, large=True)
+    format = replace(FORMAT, tensors={**FORMAT.tensors, "rows": large})
+    for value, message in (
+        (torch.nan, "rows: values that are not finite"),
+        (-1.0, "a value of -1"),
+    ):
+        tensors = {**tensors_of(), "rows": torch.full((3, 2), value)}
+        write_sealed(tmp_path / "a.box", format, HEADER, tensors)
+        open_sealed(tmp_path / "a.box", format)
+        refuse(tmp_path / "a.box", message, format)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('"scale": NaN', "JSON: NaN, expected finite numbers"),
+        ('"scale": 1e999', "JSON: '1e999', expected finite numbers"),
+        ('"scale": 0.5, "scale": 0.5', "JSON: 'scale' twice"),
+        ('"scale": ' + "9" * 30, "64 bits"),
+        ('"scale": ' + "[" * 70 + "]" * 70, "nested too deeply"),
+    ],
+)
+def test_headers_that_programs_read_in_several_ways_are_refused(box, text, message):
+    stated, tensors = parts_of(box)
+    put_together(box, json.dumps(stated).replace('"scale": 0.5', text), tensors)
+    refuse(box, message)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_values_that_json_lacks_are_not_written(tmp_path, value):
+    with pytest.raises(FileError, match=r"without a JSON form.*; nothing was written"):
+        write_sealed(tmp_path / "a.box", FORMAT, replace(HEADER, scale=value), tensors_of())
+    assert list(tmp_path.iterdir()) == []
+
+
+@settings(deadline=None, max_examples=150)
+@given(data=st.data())
+def test_any_layout_of_the_tensors_is_refused_or_right(folder, whole, data):
+    """The header of safetensors itself: names, types, shapes and offsets, all declared."""
+    length = int.from_bytes(whole[:8], "little")
+    entries, content = json.loads(whole[8 : 8 + length]), whole[8 + length :]
+    name = data.draw(st.sampled_from(["rows", "ids", "tail", "free.bias"]))
+    field, values = data.draw(
+        st.sampled_from(
+            [
+                ("data_offsets", st.lists(st.sampled_from([0, 1, 24, 48, 2**63, -1]), max_size=3)),
+                ("shape", st.lists(st.sampled_from([0, 1, 2, 3, 2**62, -1]), max_size=3)),
+                ("dtype", st.sampled_from(["F32", "I64", "BOOL", "F8_E4M3", "U8", "x", ""])),
+            ]
+        )
+    )
+    entries[name][field] = data.draw(values)
+    header = json.dumps(entries).encode()
+    declared = data.draw(st.sampled_from([len(header), 2**40, len(header) + 1, 0]))
+    path = folder / "layout.box"
+    path.write_bytes(declared.to_bytes(8, "little") + header + content)
+    try:
+        opened = open_sealed(path, FORMAT, check=True)
+    except FileError:
+        return
+    assert all(torch.equal(opened.tensors[k], v) for k, v in tensors_of().items())
+
+
 def test_missing_and_unknown_names_are_told(box):
     rewritten(box, values={"more": 1}, lacking=["name", "mode"])
     refuse(box, r"header\.more: unknown, expected one of name, scale, mode, shape, free")

@@ -22,7 +22,7 @@ from deepring.search.spectra import (
     padded_spectra,
     tail_norms,
 )
-from helpers.sealed_files import rewritten
+from helpers.sealed_files import parts_of, rewritten
 
 PRECISIONS = ["float32", "bfloat16", "int8"]
 EXHAUSTIVE = SearchSettings(code=None)
@@ -336,12 +336,26 @@ def test_shards_of_equal_shapes_cannot_change_places(tmp_path):
         ({"shards": [{"rows": 5}]}, "lacks digest"),
         ({"settings": {}}, r"header\.settings: lacks"),
         ({"lengths": [5]}, "header.lengths: unknown"),
+        ({"period": 0.0}, r"period: 0\.0, expected a number above 0"),
+        ({"period": 7.0}, r"period: 7\.0, expected a number of radians from 0"),
+        ({"cells": -1.0}, r"cells: -1\.0"),
+        ({"shape": [10**9, 7]}, "shape: 1000000000, expected at most"),
+        ({"shape": [0, 7]}, "shape: 0, expected"),
     ],
 )
 def test_headers_that_no_index_has_are_refused(tmp_path, values, message):
     folder = grown(tmp_path / "map", maps(5))
     rewritten(folder / "index.safetensors", values=values)
     with pytest.raises(FileError, match=rf"^index .*index\.safetensors: .*{message}.*; build"):
+        CorrelationIndex.open(folder)
+
+
+@pytest.mark.parametrize("changes", [{"rows": 4}, {"rows": 10**15}, {"digest": "0"}])
+def test_shards_that_disagree_with_the_index_are_refused(tmp_path, changes):
+    folder = grown(tmp_path / "map", maps(5))
+    (shard,) = parts_of(folder / "index.safetensors")[0]["values"]["shards"]
+    rewritten(folder / "index.safetensors", values={"shards": [{**shard, **changes}]})
+    with pytest.raises(FileError, match=r"00000\.safetensors: from another index or position"):
         CorrelationIndex.open(folder)
 
 

@@ -74,7 +74,10 @@ def _check_parts(path: Path) -> None:
 
 def _check_pickle(content: bytes) -> None:
     """Raise an exception if the pickle names anything but numbers, texts, dicts and tensors."""
-    for operation, argument, _ in pickletools.genops(content):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # of texts that are not as torch writes them
+        operations = list(pickletools.genops(content))
+    for operation, argument, _ in operations:
         if operation.name in ("STACK_GLOBAL", "INST", "OBJ", "NEWOBJ_EX", "EXT1", "EXT2", "EXT4"):
             raise _NotWholeError(operation.name)
         if operation.name == "GLOBAL" and argument not in _NAMES | _STORAGES:
