@@ -68,11 +68,17 @@ def scan_findings(
     return figure_findings(measure_scan(points), ground_z, single)
 
 
-def expect_plausible(points: NDArray[np.floating]) -> None:
-    """Raise BrokenScanError for points (n, 3) that cannot be those of a LiDAR, in metres."""
-    for finding in scan_findings(points, None):
-        if finding.unusable:
-            raise BrokenScanError(f"scan: {finding.found}; {finding.advice}")
+def expect_coordinates(points: NDArray[np.floating]) -> None:
+    """Raise BrokenScanError for points (n, 3) that are no coordinates in any unit and frame.
+
+    Whether they are metres from the sensor is told by what stands out of the ground.
+    """
+    figures = measure_scan(points)
+    finding = _values(figures) or _records(figures)
+    if finding is None and _unit(figures) is None:
+        finding = _flat(figures)
+    if finding is not None:
+        raise BrokenScanError(f"scan: {finding.found}; {finding.advice}")
 
 
 def figure_findings(
