@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
+from deepring.text import printable
+
 Progress = Callable[[int, int], None]
 """Called with the number of things done and their total."""
 
@@ -33,5 +35,5 @@ def progress_bar(description: str) -> Iterator[Progress]:
     console = Console(stderr=True)
     silent = _silent or not console.is_terminal
     with progress.Progress(*columns, console=console, transient=True, disable=silent) as bar:
-        task = bar.add_task(description, total=None)
+        task = bar.add_task(printable(description), total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)

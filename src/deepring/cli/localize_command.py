@@ -124,7 +124,7 @@ def print_table(rows: Sequence[Row]) -> None:
     for name in ("scan", "x m", "y m", "yaw °", "fit", "ratio", "trusted", "found by"):
         table.add_column(name, justify="left" if name in ("scan", "found by") else "right")
     for row in rows:
-        name = Path(row["scan"]).name
+        name = printable(Path(row["scan"]).name)
         table.add_row(
             name if row["stamp"] is None else f"{name} {row['stamp']}",
             f"{row['x']:.2f}",
@@ -133,7 +133,7 @@ def print_table(rows: Sequence[Row]) -> None:
             f"{row['fit']:.2f}",
             f"{row['ratio']:.2f}",
             _TRUST.get(row["doubt"], f"cannot tell: {row['doubt']}"),
-            row["name"],
+            printable(row["name"]),
         )
     console.print(table)
 
@@ -149,11 +149,13 @@ def print_json(rows: Sequence[Row]) -> None:
 
 
 def print_csv(rows: Sequence[Row]) -> None:
-    """Print CSV with a header."""
+    """Print CSV with a header, each row on one line."""
     names = ["scan", "stamp", *(field.name for field in fields(Location))]
     writer = csv.DictWriter(sys.stdout, names, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    for row in rows:
+        texts = {"scan": printable(row["scan"]), "name": printable(row["name"])}
+        writer.writerow({**row, **texts})
 
 
 _PRINT = {"table": print_table, "json": print_json, "csv": print_csv}

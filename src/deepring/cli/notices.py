@@ -3,6 +3,8 @@
 import sys
 from typing import TYPE_CHECKING
 
+from deepring.text import printable
+
 if TYPE_CHECKING:
     from deepring.data.session import Session
 
@@ -10,7 +12,7 @@ if TYPE_CHECKING:
 def warn(message: str) -> None:
     """Print a warning; nothing for an empty message."""
     if message:
-        print(f"warning: {message}", file=sys.stderr)
+        print(f"warning: {printable(message)}", file=sys.stderr)
 
 
 def say_skipped(session: "Session") -> None:
@@ -23,4 +25,4 @@ def say_skipped(session: "Session") -> None:
     if skipped.broken or skipped.without_pose:
         warn(message)
     elif str(skipped):
-        print(f"note: {message}", file=sys.stderr)
+        print(f"note: {printable(message)}", file=sys.stderr)

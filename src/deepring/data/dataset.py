@@ -17,6 +17,7 @@ from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.data.spacing import far_half_plane, revisits, sample_by_distance
 from deepring.errors import ConfigError, DataError
+from deepring.text import printable
 
 log = logging.getLogger(__name__)
 
@@ -116,10 +117,10 @@ class PlaceDataset:
         skipped = session.skipped
         if str(skipped):
             level = logging.WARNING if skipped.broken or skipped.without_pose else logging.INFO
-            log.log(level, "%s %s: skipped %s", c.name, session.name, skipped)
+            log.log(level, "%s %s: skipped %s", c.name, printable(session.name), skipped)
         ground_z = session.ground_z if c.ground_z is None else c.ground_z
         for finding in expect_usable(session, ground_z):
-            log.warning("%s %s: %s", c.name, session.name, finding)
+            log.warning("%s %s: %s", c.name, printable(session.name), printable(str(finding)))
         return session
 
     @cached_property

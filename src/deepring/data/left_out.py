@@ -11,6 +11,7 @@ from deepring.data.session import Session
 from deepring.data.spacing import sample_by_distance
 from deepring.errors import BrokenScanError, DataError
 from deepring.progress import Progress
+from deepring.text import printable
 
 T = TypeVar("T")
 
@@ -43,7 +44,7 @@ class LeftOut:
             return ""
         tried = len(self) - self.missed
         others = f", and {tried} near by, tried in their place" if tried else ""
-        return (
+        return printable(
             f"{self.what}: left out {self.missed} of {self.total} scans that cannot be used"
             f"{others}; first: {self.reasons[0]}"
         )

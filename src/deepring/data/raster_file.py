@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from deepring.errors import FileError
+from deepring.text import printable
 
 T = TypeVar("T")
 
@@ -85,7 +86,9 @@ class RasterFile:
         images, damaged = self._attempt(lambda database: _find(database, keys, length))
         if damaged:
             log.warning(
-                "raster cache: %d damaged rasters in %s: they are made again", damaged, self.path
+                "raster cache: %d damaged rasters in %s: they are made again",
+                damaged,
+                printable(str(self.path)),
             )
         return images
 
@@ -140,7 +143,7 @@ class RasterFile:
         log.warning(
             "raster cache: %s is damaged, or of another version: it is now %s, which can be "
             "deleted, and rasters are made anew",
-            self.path,
+            printable(str(self.path)),
             aside.name,
         )
 

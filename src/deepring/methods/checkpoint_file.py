@@ -15,12 +15,18 @@ from torch import Tensor
 
 from deepring.errors import FileError
 
-#: What the pickle of a checkpoint names, other than storages of numbers: a dict, and tensors.
+#: What the pickle of a checkpoint may name, other than storages of numbers: collections, tensors,
+#: and their types. torch's reader takes more, such as a bytearray of any length.
 _NAMES = {
     "collections OrderedDict",
     "collections Counter",  # milestones of a schedule
+    "__builtin__ set",
+    "_codecs encode",  # bytes
+    "torch Size",
+    "torch device",
     "torch._utils _rebuild_tensor_v2",
     "torch._utils _rebuild_parameter",
+    *(str(value).replace(".", " ") for value in vars(torch).values() if type(value) is torch.dtype),
 }
 
 _NUMBERS = ("BFloat16", "Bool", "Byte", "Char", "Double", "Float", "Half", "Int", "Long", "Short")
