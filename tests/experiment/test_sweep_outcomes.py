@@ -141,9 +141,7 @@ def test_ctrl_c_ends_the_sweep(jobs, tmp_path):
     assert jobs[2].attempts == 0
 
 
-def test_what_a_killed_sweep_left_is_removed_and_what_a_running_one_has_stays(
-    tmp_path, monkeypatch
-):
+def test_what_a_killed_sweep_left_is_removed_and_a_running_ones_stays(tmp_path, monkeypatch):
     monkeypatch.delenv(OUTCOMES, raising=False)
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
