@@ -10,6 +10,7 @@ from matplotlib import image
 
 import deepring.reports
 from deepring.errors import DeepringError
+from deepring.reports.html import picture
 from deepring.reports.style import PALETTE, new_figure, save, series, style_axes
 
 SOURCES = sorted(Path(deepring.reports.__file__).parent.glob("*.py"))
@@ -70,3 +71,15 @@ def test_figures_are_written_without_a_display_whatever_backend_is_asked_for(tmp
     )
     assert run.returncode == 0, run.stderr
     assert (tmp_path / "figure.png").exists()
+
+
+@pytest.mark.parametrize("text", ["$x^{", "a $ b $ c", r"$\\alpha$", "a_^%#&"])
+def test_names_are_no_formulas(text, tmp_path):
+    figure = new_figure(3, 2)
+    axes = figure.add_subplot()
+    axes.plot([0, 1], label=text)
+    axes.legend()
+    axes.set_xticks([0, 1], [text, text])
+    style_axes(axes, text, text, text)
+    save(figure, tmp_path / "a.png")
+    assert picture(figure, text).count("<img") == 1

@@ -55,6 +55,22 @@ def test_markdown_escapes_bars_and_lists_notes():
     assert text == "a title\n\n| what | R@1 |\n| --- | ---: |\n| a\\|b | **1** |\n\n- a note\n"
 
 
+HIDDEN = "a\x1b[2J\nb\u202ec"
+
+
+def test_what_does_not_print_is_escaped_in_every_form():
+    whole = Table(HIDDEN, (HIDDEN, "R@1"), [[Cell(HIDDEN), Cell("1")]], 1, notes=[HIDDEN])
+    for text in (printed(whole), markdown([whole]), latex(whole)):
+        assert text.replace("\n", "").isprintable()
+    assert len(markdown([whole]).splitlines()) == 7
+
+
+def test_tags_are_text_in_markdown():
+    whole = Table("<i>", ("<b>", "R@1"), [[Cell("<script>"), Cell("1")]], 1, notes=["<img>"])
+    for line in markdown([whole]).splitlines():
+        assert "<" not in line.replace(r"\<", "")
+
+
 def test_latex_is_a_booktabs_table():
     rows = [
         [Cell("PG"), Cell("0.834 ± 0.010")],

@@ -6,7 +6,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from deepring.text import printable_lines
+from deepring.text import printable
 
 
 class PlainConsole(Console):
@@ -17,7 +17,7 @@ class PlainConsole(Console):
 
     def render_str(self, text: str, **options: Any) -> Text:
         """A text, or a cell of a table, with its control characters as escapes."""
-        return super().render_str(printable_lines(text), **options)
+        return super().render_str(printable(text), **options)
 
 
 #: In a file or a pipe, lines are wide enough for every table.
