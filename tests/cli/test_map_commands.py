@@ -146,7 +146,7 @@ def test_a_scan_that_cannot_be_located_does_not_hide_the_others(place_map, secon
     errors = [line for line in done.stderr.splitlines() if line.startswith("error")]
     assert len(errors) == 3
     assert all(f"{name}.npy" in line for name, line in zip("cde", errors, strict=True))
-    assert "give points in the sensor's frame" in errors[2]
+    assert "look like world coordinates" in errors[2]
     assert here("localize", place_map, *names[2:]).returncode == 2  # none is located
 
 

@@ -78,7 +78,7 @@ def expect_coordinates(points: NDArray[np.floating]) -> None:
     figures = measure_scan(points)
     finding = _values(figures) or _records(figures) or _scattered(figures)
     if finding is None and _unit(figures) is None:
-        finding = _flat(figures)
+        finding = _whole(figures)
     if finding is not None:
         raise BrokenScanError(f"scan: {finding.found}; {finding.advice}")
 
@@ -90,7 +90,7 @@ def figure_findings(
 
     A wrong type or unit makes everything else wrong too, so only the first of these is named.
     """
-    for check in (_values, _records, _scattered, _unit, _flat):
+    for check in (_values, _records, _scattered, _unit, _whole, _flat):
         if (finding := check(figures)) is not None:
             return [finding]
     checks: tuple[Callable[[], Finding | None], ...] = (
@@ -166,11 +166,15 @@ def _unit(f: ScanFigures) -> Finding | None:
     return None
 
 
+def _whole(f: ScanFigures) -> Finding | None:
+    if not f.whole > MOST_WHOLE:
+        return None
+    found = f"{f.whole:.0%} of the z values are whole numbers, expected metres with fractions"
+    advice = "check the order of the columns: x, y and z first, the intensity after them"
+    return Finding("scans", found, advice, unusable=True)
+
+
 def _flat(f: ScanFigures) -> Finding | None:
-    if f.whole > MOST_WHOLE:
-        found = f"{f.whole:.0%} of the z values are whole numbers, expected metres with fractions"
-        advice = "check the order of the columns: x, y and z first, the intensity after them"
-        return Finding("scans", found, advice, unusable=True)
     spans = {"x": f.span_x, "y": f.span_y, "z": f.span_z}
     flat = [name for name, span in spans.items() if span < FLAT]
     if not flat:
