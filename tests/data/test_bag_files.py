@@ -1,6 +1,8 @@
 """Scans of ROS 1 and ROS 2 bags; a bag without them says what it holds."""
 
+import contextlib
 import shutil
+import sqlite3
 import sys
 
 import numpy as np
@@ -118,3 +120,18 @@ def test_bags_are_found_among_scans(tmp_path):
     shutil.copy(folder / "drive.db3", tmp_path / "both" / "a.db3")
     (tmp_path / "both" / "metadata.yaml").write_text("of something else")
     assert [p.name for p in scan_files([tmp_path / "both"])] == ["a.db3", "z.npy"]
+
+
+def test_messages_come_in_the_order_of_the_table_not_of_its_index(tmp_path):
+    path = write_bag(tmp_path, "db3", {"/points": CLOUDS[:4]})
+    with contextlib.closing(sqlite3.connect(path)) as database:
+        # The index of the stamps becomes one in which they fall.
+        database.execute("CREATE INDEX other ON messages (-timestamp)")
+        database.execute("PRAGMA writable_schema = ON")
+        database.execute(
+            "UPDATE sqlite_master SET rootpage = (SELECT rootpage FROM sqlite_master "
+            "WHERE name = 'other') WHERE name = 'timestamp_idx'"
+        )
+        database.execute("DELETE FROM sqlite_master WHERE name = 'other'")
+        database.commit()
+    assert [scan.stamp for scan in bag_scans(path)] == [START + k * 10**8 for k in range(4)]

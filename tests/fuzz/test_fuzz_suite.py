@@ -15,7 +15,7 @@ from rosbags.rosbag2 import Reader
 from deepring.errors import DataError
 from fuzz import planted, report
 from fuzz.__main__ import main
-from fuzz.decoders import bags, lzf, sealed
+from fuzz.decoders import lzf, mcap, sealed
 from fuzz.files import UndecodableError
 from fuzz.formats import every_format
 from fuzz.inputs import Bench, Name, mutated, names
@@ -147,7 +147,7 @@ def test_mcap_files_are_those_that_a_library_reads(bench_of, tmp_path):
         assert [time for _, time, _ in bag.messages()] == [START + k * 10**8 for k in range(6)]
     altered = content.replace(b"lidar", b"radar", 1)
     with pytest.raises(UndecodableError, match="checksum"):
-        bags.mcap(altered)
+        mcap.decode(altered)
 
 
 @settings(deadline=None, derandomize=True)

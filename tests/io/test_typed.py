@@ -97,6 +97,7 @@ def test_any_other_value_is_taken_as_its_type_or_refused(name, value):
             {"by_name": {"k": {"size": 1, "mode": "a", "x": 1}}},
             r"by_name\.k\.x: unknown, expected one of size, mode",
         ),
+        ({"anything": {3: 1}}, r"header\.anything: {3: 1}, expected values by name"),
         ({"anything": [1]}, r"header\.anything: \[1\], expected values by name"),
         ({"more": 1, "other": 2}, r"header\.more: unknown, expected one of name, count"),
     ],

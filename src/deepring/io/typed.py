@@ -52,7 +52,8 @@ def typed(kind: Any, value: Any, name: str, *, whole: bool = True) -> Any:
     if origin in (Union, UnionType):
         return _one_of_several(inner, value, name, whole)
     if origin is dict or kind is dict:
-        _expect(isinstance(value, dict), name, value, "values by name")
+        names = isinstance(value, dict) and all(isinstance(key, str) for key in value)
+        _expect(names, name, value, "values by name")
         each_kind = inner[1] if inner else Any
         return typed_values(dict.fromkeys(value, each_kind), value, name, whole=whole)
     if origin in (list, tuple, Sequence):

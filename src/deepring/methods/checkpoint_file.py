@@ -49,9 +49,9 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
             "outputs/demo/latest/checkpoints/best.ckpt"
         )
     try:
-        _check_parts(path)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what is loaded is checked
+            _check_parts(path)
             state = torch.load(path, map_location="cpu", weights_only=True)
         _check_state(state, path.stat().st_size)
     except Exception as error:  # damaged files and other ones fail in many ways

@@ -5,7 +5,7 @@ import struct
 from dataclasses import dataclass
 from typing import Any
 
-from fuzz.decoders.points import Points, rounded
+from fuzz.decoders.points import Points, rounded, some
 from fuzz.files import UndecidedError, UndecodableError
 
 _FLOATS = {7: "f", 8: "d"}
@@ -164,4 +164,15 @@ def points_of(message: CloudMessage) -> Points:
             ]
             if all(map(math.isfinite, point)) and any(point):
                 found.append(point)
+    return found
+
+
+def scans(messages: list[tuple[int, bytes]], cdr: bool) -> list[Any]:
+    """Stamps and points of messages, each with its time of recording."""
+    found = []
+    for time, content in messages:
+        read = of_cdr(content) if cdr else of_ros1(content)
+        found.append([read.stamp or time, some(points_of(read))])
+    if not found:
+        raise UndecodableError("no messages")
     return found

@@ -14,7 +14,8 @@ import numpy as np
 
 from deepring.data.scans.bag_files import bag_scans
 from deepring.data.scans.point_cloud2 import cloud_records
-from fuzz.decoders import bags
+from fuzz.decoders import mcap as mcap_file
+from fuzz.decoders import rosbag1, sqlite_bag
 from fuzz.decoders.cloud_message import CloudMessage, encoded, of_cdr, points_of
 from fuzz.files import Files, Format, Mutation, in_memory, read_back
 from fuzz.mutations.messages import changed_message, forged_messages, mcap
@@ -29,8 +30,8 @@ _SCANS = 6
 def formats() -> Iterator[Format]:
     """All bags."""
     decoders = {
-        **dict.fromkeys(("bag", "bag bz2", "bag lz4"), bags.rosbag1),
-        **{"mcap": bags.mcap, "db3": bags.sqlite_bag},
+        **dict.fromkeys(("bag", "bag bz2", "bag lz4"), rosbag1.decode),
+        **{"mcap": mcap_file.decode, "db3": sqlite_bag.decode},
     }
     for name, decode in decoders.items():
         kind, _, compression = name.partition(" ")
@@ -48,7 +49,7 @@ def formats() -> Iterator[Format]:
         _folder,
         (text("drive/metadata.yaml"), raw("drive/metadata.yaml"), raw("drive/drive.db3")),
         partial(_scans, "drive"),
-        lambda files: bags.sqlite_bag(files["drive/drive.db3"]),
+        lambda files: sqlite_bag.decode(files["drive/drive.db3"]),
     )
     messages = _messages()
     write = partial(mcap, start=START)
@@ -59,7 +60,7 @@ def formats() -> Iterator[Format]:
         lambda _: {"a.mcap": good},
         (forged, forged, forged, raw("a.mcap")),
         partial(_scans, "a.mcap"),
-        lambda files: bags.mcap(files["a.mcap"]),
+        lambda files: mcap_file.decode(files["a.mcap"]),
         foreign=True,
     )
     yield Format(

@@ -64,11 +64,16 @@ class DatabaseFile:
         wanted = ",".join("?" * len(channels))
         with closing(self._connect()) as database:
             try:
-                for number, time, data in database.execute(
-                    "SELECT topic_id, timestamp, data FROM messages "
-                    f"WHERE topic_id IN ({wanted}) ORDER BY timestamp",
+                # In the order that the table states, not an index of it.
+                rows = database.execute(
+                    "SELECT rowid FROM messages NOT INDEXED "
+                    f"WHERE topic_id IN ({wanted}) ORDER BY timestamp, rowid",
                     tuple(channels),
-                ):
+                ).fetchall()
+                for row in rows:
+                    ((number, time, data),) = database.execute(
+                        "SELECT topic_id, timestamp, data FROM messages WHERE rowid = ?", row
+                    ).fetchall()
                     if not (isinstance(time, int) and isinstance(data, bytes)):
                         raise BrokenScanError("its table of messages is damaged")
                     yield Message(number, time, data)
