@@ -173,7 +173,7 @@ def test_a_further_process_is_started_as_a_file_with_the_modules_of_the_first(tm
     (tmp_path / "start.py").write_text(
         """
 import sys
-from deepring.cli.ddp_process import restartable
+from deepring.cli.ddp import restartable
 from lightning.fabric.strategies.launchers.subprocess_script import _basic_subprocess_cmd
 import json, os, subprocess
 sys.argv[1:] = ["--cfg", "job"]
@@ -191,7 +191,7 @@ print(command[1], os.environ["DEEPRING_DDP_PATHS"])
     )
     assert done.returncode == 0, done.stderr
     script, paths = done.stdout.split(maxsplit=1)
-    assert script.endswith("ddp_process.py")
+    assert script.endswith("further_process.py")
     assert str(tmp_path) in paths.strip().split(os.pathsep)
 
 

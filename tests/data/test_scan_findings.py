@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from deepring.data.inspection.figures import measure_ground, measure_scan, median_figures
-from deepring.data.inspection.scans import scan_findings
+from deepring.data.inspection.scans import expect_coordinates, scan_findings
 from deepring.data.inspection.session import SAMPLE, expect_usable, inspect
 from deepring.data.inspection.session_scans import (
     measure_scans,
@@ -21,8 +21,9 @@ from deepring.data.readers import binary_formats, open_session
 from deepring.data.readers.helipr import SENSORS
 from deepring.data.readers.kitti import open_kitti
 from deepring.data.readers.mulran import T_BASE_LIDAR
+from deepring.data.scans.returns import scan_from
 from deepring.data.session import Session
-from deepring.errors import DataError
+from deepring.errors import BrokenScanError, DataError
 from helpers.real_data import real_data
 from helpers.wrong_scans import DOUBTED, NAMED, WRONG, rows, whole_records, write_wrong
 
@@ -127,6 +128,15 @@ def test_a_real_scan_under_the_name_of_another_format_is_refused(file, right, wr
     formats = binary_formats()
     assert not scan_findings(formats[right].read(copy), None)
     assert any(f.unusable for f in scan_findings(formats[wrong].read(copy), 0.0))
+
+
+@pytest.mark.parametrize("name", ["rellis_os1_64", "rellis_vlp32c", "helipr_avia_000000"])
+def test_other_scans_read_as_nclt_are_no_coordinates(name):
+    """As `localize` sees them, without the missing returns."""
+    content = real_data("other_sensors", f"{name}.bin")
+    points = scan_from(binary_formats()["nclt"].read(content), content).points
+    with pytest.raises(BrokenScanError, match=r"points fill .* check the format"):
+        expect_coordinates(points)
 
 
 @pytest.mark.parametrize("wrong", SENSORS)

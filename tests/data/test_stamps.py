@@ -79,6 +79,7 @@ def test_decimals_are_exact(text, stamp):
         ("9223372036.854775808", "out of range"),
         ("1e999999", "out of range"),
         ("1" * 5000, "out of range"),
+        ("-" + "1" * 5000, "out of range"),
     ],
 )
 def test_other_text_is_refused_with_the_reason(text, reason):

@@ -2,6 +2,9 @@
 
 import json
 import os
+import platform
+import subprocess
+import sys
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from types import SimpleNamespace
@@ -136,3 +139,18 @@ def test_ctrl_c_ends_the_sweep(jobs, tmp_path):
     assert outcomes.finished == [jobs[0].folder]
     assert outcomes.failed == [(jobs[1].folder, "interrupted")]
     assert jobs[2].attempts == 0
+
+
+def test_what_a_killed_sweep_left_is_removed_and_a_running_ones_stays(tmp_path, monkeypatch):
+    monkeypatch.delenv(OUTCOMES, raising=False)
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    here = f".outcomes-{platform.node()}-"
+    left, running = tmp_path / f"{here}{ended.pid}-a", tmp_path / f"{here}{os.getppid()}-b"
+    elsewhere = tmp_path / f".outcomes-another-machine-{ended.pid}-c"
+    for folder in (left, running, elsewhere):
+        folder.mkdir()
+    config = SimpleNamespace(hydra=SimpleNamespace(sweep=SimpleNamespace(dir=str(tmp_path))))
+    OutcomesFolder().on_multirun_start(config)
+    own = Path(os.environ.pop(OUTCOMES))
+    assert set(tmp_path.iterdir()) == {running, elsewhere, own}

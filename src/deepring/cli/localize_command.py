@@ -16,7 +16,7 @@ from rich.table import Table
 from deepring.cli.console import console
 from deepring.cli.mistakes import MISTAKE, error_message
 from deepring.cli.notices import say_skipped
-from deepring.data.inspection.scans import expect_plausible
+from deepring.data.inspection.scans import expect_coordinates
 from deepring.data.readers import open_session
 from deepring.data.readers.custom.drive_file import is_drive_file
 from deepring.data.scans.bag_files import bag_scans, is_bag
@@ -83,7 +83,7 @@ def locate(
             try:
                 name, stamp, read, ground_z = next(scans)
                 points = read()
-                expect_plausible(points)
+                expect_coordinates(points)
                 location = place_map.localize(points, ground_z=ground_z)
                 yield {"scan": str(name), "stamp": stamp, **asdict(location)}
             except StopIteration:

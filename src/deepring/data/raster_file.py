@@ -115,9 +115,11 @@ class RasterFile:
             self._set_aside()
             return self._do(work)
         except (sqlite3.Error, OSError) as error:
+            full = getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
+            why = " (no space is left on the disk)" if full else ""
             raise FileError(
-                f"raster cache: {self.path} cannot be read or written; expected a file of its own "
-                "in a folder that can be written; choose another folder, or delete the file"
+                f"raster cache: {self.path} cannot be read or written{why}; expected a file of its "
+                "own in a folder that can be written; choose another folder, or delete the file"
             ) from error
 
     def _do(self, work: Callable[[sqlite3.Connection], T]) -> T:

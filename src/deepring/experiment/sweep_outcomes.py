@@ -1,8 +1,10 @@
 """Outcomes of a sweep's jobs; a job whose process was killed is launched again."""
 
+import glob
 import json
 import logging
 import os
+import platform
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -27,6 +29,9 @@ OUTCOMES = "DEEPRING_SWEEP_OUTCOMES"
 #: The outcome of a job until it ends.
 KILLED = "its process was killed, perhaps for lack of memory"
 
+#: How the folders of outcomes begin; machine and process of the sweep follow.
+_PREFIX = ".outcomes-"
+
 #: How often a sweep launches a job whose process is killed.
 ATTEMPTS = 3
 
@@ -45,7 +50,28 @@ class OutcomesFolder(Callback):
         sweep = Path(config.hydra.sweep.dir).resolve()
         with suppress(OSError):
             sweep.mkdir(parents=True, exist_ok=True)
-            os.environ[OUTCOMES] = tempfile.mkdtemp(prefix=".outcomes-", dir=sweep)
+            _remove_left(sweep)
+            prefix = f"{_PREFIX}{platform.node()}-{os.getpid()}-"
+            os.environ[OUTCOMES] = tempfile.mkdtemp(prefix=prefix, dir=sweep)
+
+
+def _remove_left(sweep: Path) -> None:
+    """Remove the folders of outcomes that sweeps of this machine left when they were killed."""
+    begin = f"{_PREFIX}{platform.node()}-"
+    for folder in sweep.glob(f"{glob.escape(begin)}*"):
+        number = folder.name.removeprefix(begin).partition("-")[0]
+        if number.isdecimal() and not _is_running(int(number)):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):  # of another user, or no number of a process
+        return True
+    return True
 
 
 class SweepOutcomes(NamedTuple):

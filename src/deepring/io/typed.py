@@ -84,13 +84,13 @@ def typed_values(
     Traceback (most recent call last):
     deepring.errors.ConfigError: encoder.steam: unknown, expected one of stem, norm
     """
-    known = ", ".join(hints)
+    known = ", ".join(map(str, hints))
     _expect(isinstance(values, Mapping), name, values, f"values by name: {known}")
     for key in values:
         if key not in hints:
             raise ConfigError(f"{name}.{key}: unknown, expected one of {known}")
     if missing := [key for key in required if key not in values]:
-        raise ConfigError(f"{name}: lacks {', '.join(missing)}; expected {known}")
+        raise ConfigError(f"{name}: lacks {', '.join(map(str, missing))}; expected {known}")
     return {
         key: typed(hints[key], value, f"{name}.{key}", whole=whole) for key, value in values.items()
     }

@@ -5,7 +5,7 @@ global state, so that figures work without a display and in several threads.
 """
 
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -69,7 +69,7 @@ def without_formulas(figure: Figure) -> Figure:
         for axis in (axes.xaxis, axes.yaxis):
             axis.get_ticklabels(which="both")  # makes them
     for text in figure.findobj(Text):
-        cast("Text", text).set_parse_math(False)
+        text.set_parse_math(False)
     return figure
 
 

@@ -65,7 +65,7 @@ class _IndexHeader:
 
     def __post_init__(self) -> None:
         between("period", positive("period", self.period), 0, 2 * math.pi + 1e-6, "radians")
-        positive("cells", self.cells)
+        between("cells", self.cells, 1e-6, 1e12)  # scores stay finite when divided
         expect_shape(self.shape)
 
 

@@ -30,6 +30,8 @@ MOST_BEYOND = 0.1
 #: Metres between the lowest and highest 5 %: 2 to 14. Houses are 100 m high in a few cities, and
 #: where there is less than 0.4 m hardly anything stands out of the ground (0.5 on an open field).
 LOWEST, TALLEST = 0.4, 120.0
+#: Metres. Any bytes read as NCLT's fixed-point numbers, from -100 to 227 m, fill 300 m of height.
+HIGHEST = 1000.0
 #: Extent of z against the smaller one of x and y: up to 0.4, about 1 in a corridor. Where z extends
 #: over more metres than `UPRIGHT_FROM` and is several times the other, it is not up.
 UPRIGHT, UPRIGHT_FROM = 2.0, 10.0
@@ -68,11 +70,17 @@ def scan_findings(
     return figure_findings(measure_scan(points), ground_z, single)
 
 
-def expect_plausible(points: NDArray[np.floating]) -> None:
-    """Raise BrokenScanError for points (n, 3) that cannot be those of a LiDAR, in metres."""
-    for finding in scan_findings(points, None):
-        if finding.unusable:
-            raise BrokenScanError(f"scan: {finding.found}; {finding.advice}")
+def expect_coordinates(points: NDArray[np.floating]) -> None:
+    """Raise BrokenScanError for points (n, 3) that are no coordinates in any unit and frame.
+
+    Whether they are metres from the sensor is told by what stands out of the ground.
+    """
+    figures = measure_scan(points)
+    finding = _values(figures) or _records(figures) or _scattered(figures)
+    if finding is None and _unit(figures) is None:
+        finding = _flat(figures)
+    if finding is not None:
+        raise BrokenScanError(f"scan: {finding.found}; {finding.advice}")
 
 
 def figure_findings(
@@ -82,7 +90,7 @@ def figure_findings(
 
     A wrong type or unit makes everything else wrong too, so only the first of these is named.
     """
-    for check in (_values, _records, _unit, _flat):
+    for check in (_values, _records, _scattered, _unit, _flat):
         if (finding := check(figures)) is not None:
             return [finding]
     checks: tuple[Callable[[], Finding | None], ...] = (
@@ -119,6 +127,17 @@ def _records(f: ScanFigures) -> Finding | None:
         found = (
             "every other record differs from those between, as where a point has twice as many "
             f"values (difference {f.alternating:.2f}, expected about 0)"
+        )
+        return Finding("scans", found, _TYPES, unusable=True)
+    return None
+
+
+def _scattered(f: ScanFigures) -> Finding | None:
+    """As high as wide and far off: other numbers, read as fixed-point metres of a fixed range."""
+    if TALLEST < f.span_z < HIGHEST and f.span_z > min(f.span_x, f.span_y) / 2 and f.distance > FAR:
+        found = (
+            f"points fill {f.span_x:.0f} m x {f.span_y:.0f} m x {f.span_z:.0f} m, half of them "
+            f"more than {f.distance:.0f} m away, expected surroundings that are wider than high"
         )
         return Finding("scans", found, _TYPES, unusable=True)
     return None

@@ -41,7 +41,7 @@ def nanoseconds_of(seconds: str) -> int:
     if not digits:
         raise ValueError(f"{text[:40]!r} is no number of seconds")
     shift = 9 + int(exponent or 0) - len(fraction or "")
-    value = _shifted(int(digits), shift) if len(digits) < 4000 else _MOST
+    value = _shifted(int(digits), shift) if len(digits) < 4000 else 2 * _MOST
     value = -value if sign == "-" else value
     if not -_MOST <= value < _MOST:
         raise ValueError(_too_large(text))
