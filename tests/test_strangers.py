@@ -5,8 +5,10 @@ import shutil
 import numpy as np
 import pytest
 import torch
+from rosbags import typesys
 
 from deepring.data.readers import open_session
+from deepring.data.scans.bag_files import bag_scans
 from deepring.data.scans.scan_files import read_scan
 from deepring.errors import DeepringError
 from deepring.evaluation.case import Case
@@ -24,6 +26,7 @@ from deepring.methods.network_file import (
     write_network,
 )
 from deepring.search.correlation_index import CorrelationIndex
+from helpers.bags import KINDS, message, write_bag
 from helpers.marking import TARGET, Mark, Marked
 from helpers.networks import small_network
 from helpers.sealed_files import parts_of, rewritten
@@ -158,13 +161,21 @@ def test_a_config_from_elsewhere_reads_no_environment(value, tmp_path):
 
 
 def test_aliases_within_aliases_are_refused_in_short_time(tmp_path):
+    """A few lines that stand for 9^29 values, in every YAML file that is read."""
     lines = [
         "a0: &a0 [x]",
         *(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 30)),
     ]
-    (tmp_path / "config.yaml").write_text("\n".join(lines), encoding="utf-8")
+    lines += ["scans: *a29", "rosbag2_bagfile_information: {storage_identifier: *a29}"]
+    (tmp_path / "bag").mkdir()
+    for name in ("config.yaml", "drive.yaml", "bag/metadata.yaml"):
+        (tmp_path / name).write_text("\n".join(lines), encoding="utf-8")
     with pytest.raises(DeepringError, match="is not YAML of plain values"):
         read_config(tmp_path / "config.yaml")
+    with pytest.raises(DeepringError, match=r"drive\.yaml"):
+        open_session("custom", tmp_path / "drive.yaml")
+    with pytest.raises(DeepringError, match=r"metadata\.yaml is damaged"):
+        list(bag_scans(tmp_path / "bag"))
 
 
 @pytest.mark.parametrize(
@@ -189,3 +200,15 @@ def test_labels_that_do_not_print_are_refused(text):
     for values in ((text, "", "", ""), ("", text, "", ""), ("", "", text, ""), ("", "", "", text)):
         with pytest.raises(DeepringError, match="without control characters"):
             Case(*values)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_is_read_without_the_definitions_in_it(kind, tmp_path, monkeypatch):
+    """From them the library would generate code; those of its own clouds suffice."""
+    path = write_bag(tmp_path, kind, {"/points": [message(np.ones((4, 3)))]})
+    list(bag_scans(path))  # the library has made its own types
+    for name in ("get_types_from_msg", "get_types_from_idl"):
+        monkeypatch.setattr(typesys, name, None)
+    monkeypatch.setattr(typesys.store.Typestore, "register", None)
+    (scan,) = bag_scans(path)
+    assert scan is not None

@@ -10,6 +10,7 @@ from deepring.data.scans.bags.fields import text
 from deepring.data.scans.bags.storage import named_type
 from deepring.data.scans.names import files_with
 from deepring.errors import BrokenScanError, DataError, FileError
+from deepring.io.yaml_aliases import MOST_VALUES, expanded_size
 
 _ENDINGS = {"mcap": ".mcap", "sqlite3": ".db3"}
 
@@ -37,6 +38,8 @@ def read_folder(path: Path) -> Folder:
     """
     try:
         whole = yaml.safe_load((path / "metadata.yaml").read_bytes())
+        if expanded_size(whole) > MOST_VALUES:
+            raise ValueError("aliases within aliases")
         found = whole["rosbag2_bagfile_information"]
         storage = str(found["storage_identifier"])
         names = [PurePosixPath(str(name)).name for name in found["relative_file_paths"]]
