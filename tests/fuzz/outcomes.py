@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import deepring
 from deepring.errors import DeepringError
 from fuzz.files import Format, UndecidedError, UndecodableError
 from fuzz.limits import Limits, TimedOut, limited
@@ -24,6 +25,9 @@ GOOD = (AS_BEFORE, RIGHT, UNCHECKED, REFUSED, STRICTER)
 EXCEPTION, WARNING, MESSAGE, HANG = "exception", "warning", "message", "hang"
 MEMORY, CRASH, WRONG = "memory", "crash", "wrong"
 BAD = (EXCEPTION, WARNING, MESSAGE, HANG, MEMORY, CRASH, WRONG)
+
+#: The folder of the package, whatever that of the checkout is called.
+PACKAGE = f"{Path(deepring.__file__).parent}/"
 
 #: A library's words in a message are noticed from this length on.
 _QUOTE = 15
@@ -177,7 +181,7 @@ def _is_own(error: BaseException) -> bool:
     if isinstance(error, DeepringError | OSError | KeyError | UnicodeError):
         return True
     frames = traceback.extract_tb(error.__traceback__)
-    return bool(frames) and "/deepring/" in frames[-1].filename
+    return bool(frames) and frames[-1].filename.startswith(PACKAGE)
 
 
 def _out_of_memory(error: BaseException) -> bool:
@@ -190,12 +194,13 @@ def _out_of_memory(error: BaseException) -> bool:
 
 def _where(error: BaseException) -> str:
     """The innermost line of the package."""
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if "deepring" in f.filename]
+    frames = [
+        f for f in traceback.extract_tb(error.__traceback__) if f.filename.startswith(PACKAGE)
+    ]
     if not frames:
         return "a library"
     inner = frames[-1]
-    path = inner.filename.rpartition("deepring/")[2]
-    return f"{path}:{inner.name}"
+    return f"{inner.filename.removeprefix(PACKAGE)}:{inner.name}"
 
 
 def _short(error: Any) -> str:
