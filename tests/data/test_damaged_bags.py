@@ -358,6 +358,17 @@ def test_pages_of_a_database_that_are_overwritten(share, tmp_path):
     assert error or len(scans) == 240
 
 
+def test_zeros_anywhere_in_a_database(tmp_path):
+    path = write_bag(tmp_path, "db3", {"/points": CLOUDS})
+    whole, lost = path.read_bytes(), 0
+    for at in range(0, len(whole) - 64, 64):
+        path.write_bytes(whole[:at] + bytes(64) + whole[at + 64 :])
+        scans, error = read(path)
+        assert error or len(scans) == 6
+        lost += bool(error)
+    assert lost > 10
+
+
 def test_missing_returns_are_dropped_and_a_message_of_them_is_broken(tmp_path):
     holes = SCANS.copy()
     holes[1, 2], holes[1, 3, 0], holes[1, 4] = 0, np.nan, np.inf

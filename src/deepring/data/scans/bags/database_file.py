@@ -71,9 +71,12 @@ class DatabaseFile:
                     tuple(channels),
                 ).fetchall()
                 for row in rows:
-                    ((number, time, data),) = database.execute(
+                    found = database.execute(
                         "SELECT topic_id, timestamp, data FROM messages WHERE rowid = ?", row
                     ).fetchall()
+                    if len(found) != 1:  # one way through the table finds it, another does not
+                        raise BrokenScanError("its table of messages is damaged")
+                    number, time, data = found[0]
                     if not (isinstance(time, int) and isinstance(data, bytes)):
                         raise BrokenScanError("its table of messages is damaged")
                     yield Message(number, time, data)
