@@ -466,8 +466,20 @@ def a_trigger(path):
         database.execute("CREATE TRIGGER t AFTER INSERT ON rasters BEGIN DELETE FROM rasters; END")
 
 
+def a_name_that_is_no_text(path):
+    with contextlib.closing(sqlite3.connect(path)) as database:
+        database.execute("CREATE TABLE others (x)")
+    content = path.read_bytes()
+    assert b"tableothersothers" in content
+    path.write_bytes(content.replace(b"tableothersothers", b"tableother\xccothers"))
+
+
 @pytest.mark.parametrize(
-    "damage", [overwrite_all, overwrite_pages, other_columns, cut_short, of_before, a_trigger]
+    "damage",
+    [
+        *(overwrite_all, overwrite_pages, other_columns, cut_short, of_before, a_trigger),
+        a_name_that_is_no_text,
+    ],
 )
 def test_a_file_that_is_no_whole_cache_is_set_aside_and_made_anew_said_once(
     damage, tmp_path, caplog

@@ -109,10 +109,21 @@ def test_tr_with_and_without_its_name(tmp_path, text):
 
 @pytest.mark.parametrize(
     "text",
-    ["", "P0: 1 0 0", "Tr: 1 2 3", "Tr: a b", f"{row(TR)}\n{row(TR)}", "Tr:" + " 0" * 12, "\xff"],
+    [
+        *(
+            "",
+            "P0: 1 0 0",
+            "Tr: 1 2 3",
+            "Tr: a b",
+            f"{row(TR)}\n{row(TR)}",
+            "Tr:" + " 0" * 12,
+            "\xff",
+        ),
+        *("Tr: 1 0 0 1_0 0 1 0 0 0 0 1 0", "Tr: 1 0 0 ١ 0 1 0 0 0 0 1 0"),
+    ],
 )
 def test_calibration_without_tr_is_an_error(tmp_path, text):
-    (tmp_path / "calib.txt").write_bytes(text.encode("latin-1"))
+    (tmp_path / "calib.txt").write_bytes(text.encode("latin-1" if "\xff" in text else "utf-8"))
     with pytest.raises(DeepringError, match=r"calib\.txt: .*expected"):
         read_calibration(tmp_path / "calib.txt")
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 
 from deepring.errors import DeepringError
+from deepring.simulation.manifest import NAME, claim
 from deepring.simulation.settings import SimulationSettings, preset, tiny, with_knobs
 from deepring.simulation.simulate import session_names, simulate
 
@@ -116,6 +117,15 @@ def test_other_settings_are_refused_by_name(whole):
     with pytest.raises(DeepringError, match=r"movers is 14.0 there and 3.0 here"):
         simulate(replace(FEW["nclt"], movers=3.0), root)
     assert digest(root) == before
+
+
+def test_of_many_other_settings_a_few_are_named(tmp_path):
+    claim(tmp_path, FEW["nclt"])
+    manifest = json.loads((tmp_path / NAME).read_text(encoding="utf-8"))
+    manifest["settings"] = {}
+    (tmp_path / NAME).write_text(json.dumps(manifest), encoding="utf-8")
+    with pytest.raises(DeepringError, match=r"azimuths is None there .*; and \d+ more\. Nothing"):
+        claim(tmp_path, FEW["nclt"])
 
 
 def test_a_foreign_folder_is_refused(tmp_path):

@@ -109,6 +109,8 @@ class RasterFile:
         try:
             try:
                 return self._do(work)
+            except UnicodeDecodeError:
+                pass  # text of the file, such as a table's name
             except sqlite3.DatabaseError as error:
                 if not _is_damage(error):
                     raise

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from deepring.errors import DataError, DeepringError, FileError
 from deepring.evaluation.case import Case
 from deepring.evaluation.csv_errors import CSV_ERRORS, csv_reason
-from deepring.evaluation.csv_numbers import real_number, whole_number
 from deepring.evaluation.distances import HasPositions, distances_to
 from deepring.io.files import replacing
+from deepring.io.numbers_as_text import real_number, whole_number
 from deepring.io.strict_json import read_json
 from deepring.search.hits import Hits
 from deepring.text import shown

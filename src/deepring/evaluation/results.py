@@ -9,8 +9,8 @@ from deepring import checks
 from deepring.errors import DataError, DeepringError, FileError
 from deepring.evaluation.case import Case
 from deepring.evaluation.csv_errors import CSV_ERRORS, csv_reason
-from deepring.evaluation.csv_numbers import real_number, whole_number
 from deepring.io.files import replacing
+from deepring.io.numbers_as_text import real_number, whole_number
 from deepring.text import shown
 
 

@@ -18,6 +18,7 @@ from deepring.evaluation.metrics import Over
 from deepring.evaluation.results import Result
 from deepring.paper.flat import INDIFFERENT, flatten, frozen
 from deepring.reports.results_table import recall
+from deepring.text import shown
 
 #: The first radius of a config, by which the checkpoint was chosen.
 HEADLINE = "evaluation.radii[0]"
@@ -54,7 +55,7 @@ class Run:
         seed = self.config.get("seed")
         if not isinstance(seed, int):
             raise DataError(
-                f"{self.folder}: seed {seed!r} in its config; expected a whole number; "
+                f"{self.folder}: seed {shown(seed)} in its config; expected a whole number; "
                 "leave this folder out"
             )
         return seed

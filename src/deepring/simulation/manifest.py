@@ -13,6 +13,9 @@ VERSION = 1
 
 NAME = "simulation.json"
 
+#: Settings that differ, in a message.
+_MOST_NAMED = 6
+
 
 def claim(root: Path, settings: SimulationSettings) -> bool:
     """Make ``root`` the folder of this simulation. True if it is already complete.
@@ -77,6 +80,9 @@ def _check_same(content: dict[str, object], settings: SimulationSettings, root: 
         differences.insert(
             0, f"version is {shown(content.get('version'))} there and {VERSION} here"
         )
+    if len(differences) > _MOST_NAMED:
+        rest = len(differences) - _MOST_NAMED
+        differences[_MOST_NAMED:] = [f"and {rest} more"]
     if differences:
         raise FileError(
             f"root: {root} holds a simulation with other settings: {'; '.join(differences)}. "

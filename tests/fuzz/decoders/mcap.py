@@ -94,7 +94,7 @@ def _records(content: bytes) -> Iterator[tuple[int, int, bytes]]:
     while at < len(content):
         op, size = _unpack("<BQ", content[at:])
         body = content[at + 9 : at + 9 + size]
-        if len(body) != size or op == 0:
+        if len(body) != size:
             raise UndecodableError("a record cut short")
         if op == 15:
             body = b""

@@ -22,7 +22,7 @@ def decode(content: bytes) -> list[Any]:
     """The scans of a bag, whose chunks hold as many messages as its index states."""
     if not content.startswith(_MAGIC):
         raise UndecodableError("no bag of version 2.0")
-    (_, head, _) = next(_records(content, len(_MAGIC)))
+    _, head, _ = _record(content, len(_MAGIC))
     index_at = _field(head, "index_pos", "Q")
     connections: dict[int, str] = {}
     counts: Counter[int] = Counter()
@@ -57,7 +57,7 @@ def _by_places(content: bytes, places: list[Fields], _: int) -> list[tuple[int, 
     """(connection, time, content) of the messages in the chunks that the index names."""
     found = []
     for fields in places:
-        _, head, data = next(_records(content, _field(fields, "chunk_pos", "Q")))
+        _, head, data = _record(content, _field(fields, "chunk_pos", "Q"))
         found += _of_chunk(head, data)
     return found
 
@@ -107,6 +107,13 @@ def _chunk(data: bytes) -> Iterator[tuple[int, int, bytes]]:
             yield _field(fields, "conn", "I"), seconds * 10**9 + nanoseconds, content
         elif op != 7:
             raise UndecodableError("a record of another kind in a chunk")
+
+
+def _record(content: bytes, at: int) -> tuple[int, Fields, bytes]:
+    """The record at one place."""
+    for record in _records(content, at):
+        return record
+    raise UndecodableError("no record where one should be")
 
 
 def _records(content: bytes, at: int) -> Iterator[tuple[int, Fields, bytes]]:

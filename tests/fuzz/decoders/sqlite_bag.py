@@ -12,6 +12,7 @@ def decode(content: bytes) -> list[Any]:
     database = sqlite3.connect(":memory:")
     try:
         database.deserialize(content)
+        database.text_factory = lambda data: data.decode("utf-8", "replace")
         types = dict(database.execute("SELECT id, type FROM topics NOT INDEXED"))
         rows = list(
             database.execute("SELECT id, topic_id, timestamp, data FROM messages NOT INDEXED")

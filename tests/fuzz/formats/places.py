@@ -30,7 +30,15 @@ from deepring.rasters import ContextRaster
 from deepring.search.code import CodeSettings
 from deepring.search.correlation_index import CorrelationIndex, SearchSettings
 from fuzz.decoders import sealed
-from fuzz.files import Files, Format, Mutation, UndecodableError, in_memory, read_back
+from fuzz.files import (
+    Files,
+    Format,
+    Mutation,
+    UndecidedError,
+    UndecodableError,
+    in_memory,
+    read_back,
+)
 from fuzz.mutations.raw import raw
 from fuzz.mutations.sealed import (
     entries_of,
@@ -127,7 +135,9 @@ def _stated_map(files: Mapping[str, bytes]) -> Any:
             "candidates": values["rerank"]["candidates"],
             "extent": values["network"]["settings"]["raster"]["extent"],
         }
-    except (KeyError, TypeError):
+    except KeyError:
+        raise UndecidedError from None  # settings of a network may take their defaults
+    except TypeError:
         raise UndecodableError("no map") from None
 
 

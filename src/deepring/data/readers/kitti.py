@@ -23,6 +23,7 @@ from deepring.data.scans.names import visible_folders
 from deepring.data.scans.records import XYZI, read_records
 from deepring.data.session import Points, Session, SkippedScans
 from deepring.errors import DataError, FileError
+from deepring.io.numbers_as_text import real_number
 from deepring.io.text import read_text
 
 _POSE_ROW = np.dtype([("values", np.float64, (12,))])
@@ -91,7 +92,8 @@ def read_calibration(path: Path) -> NDArray[np.float64]:
     if not texts and len(lines) == 1 and not lines[0][1]:
         texts = [lines[0][0]]
     try:
-        transform = poses_from_rows(np.array([texts[0].split()], dtype=np.float64).reshape(1, 12))
+        numbers = [real_number(number) for number in texts[0].split()]
+        transform = poses_from_rows(np.array(numbers, dtype=np.float64).reshape(1, 12))
     except (IndexError, ValueError) as error:
         found = f"Tr is {texts[0].strip()[:200]!r}" if texts else _named(lines)
         raise FileError(

@@ -19,6 +19,7 @@ from deepring.data.readers.custom.custom_scans import UP, Band
 from deepring.data.readers.kitti import read_calibration
 from deepring.data.scans.names import ending_of
 from deepring.errors import ConfigError, FileError
+from deepring.io.numbers_as_text import real_number
 from deepring.io.text import read_text
 from deepring.io.yaml_aliases import MOST_VALUES, expanded_size
 
@@ -174,7 +175,8 @@ def _band(least: float = -math.inf, span: float = math.inf) -> Callable[[Path, A
 def _transform(file: Path, value: Any) -> NDArray[np.float64]:
     """A pose (4, 4) from 12 or 16 numbers, as a list, rows or text, or Tr of a calib.txt."""
     try:
-        numbers = np.array(value.split() if isinstance(value, str) else value, dtype=np.float64)
+        parts = [real_number(part) for part in value.split()] if isinstance(value, str) else value
+        numbers = np.array(parts, dtype=np.float64)
     except ValueError:
         if isinstance(value, str):
             return read_calibration(_path(file, Path(value)))

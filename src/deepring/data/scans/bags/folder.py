@@ -11,6 +11,7 @@ from deepring.data.scans.bags.storage import named_type
 from deepring.data.scans.names import files_with
 from deepring.errors import BrokenScanError, DataError, FileError
 from deepring.io.yaml_aliases import MOST_VALUES, expanded_size
+from deepring.text import shown
 
 _ENDINGS = {"mcap": ".mcap", "sqlite3": ".db3"}
 
@@ -54,9 +55,10 @@ def read_folder(path: Path) -> Folder:
     except Exception as error:  # YAML of another shape
         raise BrokenScanError("its metadata.yaml is damaged") from error
     if storage not in _ENDINGS:
-        raise DataError(f"stored as {_text(storage)!r}; expected {' or '.join(_ENDINGS)}")
+        raise DataError(f"stored as {shown(_text(storage), 60)}; expected {' or '.join(_ENDINGS)}")
     if mode not in ("", "none", "message", "file") or (mode not in ("", "none") and form != "zstd"):
-        raise DataError(f"compressed with {_text(form)!r} by {_text(mode)!r}; expected zstd")
+        how = f"{shown(_text(form), 60)} by {shown(_text(mode), 60)}"
+        raise DataError(f"compressed with {how}; expected zstd")
     _check_files(path, names, _ENDINGS[storage])
     return Folder([path / name for name in names], mode == "file", dict(counts))
 

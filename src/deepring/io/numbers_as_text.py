@@ -1,9 +1,11 @@
-"""Numbers in CSV files as this package writes them; Python's own reading takes more."""
+"""Numbers in text files: decimal digits alone. Python's own reading takes more, such as 1_000."""
 
 import re
 
 _WHOLE = re.compile(r"[-+]?[0-9]{1,19}")
-_REAL = re.compile(r"[-+]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|inf|nan)")
+_REAL = re.compile(
+    r"[-+]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|inf|nan)", re.IGNORECASE
+)
 
 
 def whole_number(text: str) -> int:

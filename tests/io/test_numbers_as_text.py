@@ -1,4 +1,4 @@
-"""Numbers in CSV files: what Python writes is read, and nothing else."""
+"""Numbers in text files: what Python writes is read, and nothing else."""
 
 import math
 
@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deepring.evaluation.csv_numbers import real_number, whole_number
+from deepring.io.numbers_as_text import real_number, whole_number
 
 
 @settings(derandomize=True)
