@@ -3,6 +3,7 @@
 import contextlib
 import shutil
 import sqlite3
+import struct
 import sys
 
 import numpy as np
@@ -135,3 +136,11 @@ def test_messages_come_in_the_order_of_the_table_not_of_its_index(tmp_path):
         database.execute("DELETE FROM sqlite_master WHERE name = 'other'")
         database.commit()
     assert [scan.stamp for scan in bag_scans(path)] == [START + k * 10**8 for k in range(4)]
+
+
+def test_seconds_of_ros_1_are_unsigned(tmp_path):
+    path = write_bag(tmp_path, "bag", {"/points": CLOUDS[:2]})
+    before, after = (struct.pack("<I", seconds) for seconds in (START // 10**9, 2_200_000_000))
+    path.write_bytes(path.read_bytes().replace(before, after))
+    stamps = [scan.stamp for scan in bag_scans(path)]
+    assert stamps == [2_200_000_000 * 10**9 + k * 10**8 for k in range(2)]

@@ -1,5 +1,7 @@
 """Text files with and without a byte order mark, whatever their line ends."""
 
+import os
+
 import pytest
 
 from deepring.errors import FileError
@@ -44,3 +46,14 @@ def test_a_git_lfs_pointer_is_called_so(tmp_path):
     path.write_text(f"version https://git-lfs.github.com/spec/v1\noid sha256:{0:064d}\nsize 123\n")
     with pytest.raises(FileError, match=r"calib\.txt: is a Git LFS pointer.*; expected Tr"):
         read_text(path, "Tr")
+
+
+@pytest.mark.parametrize("device", ["/dev/zero", "pipe"])
+def test_what_may_have_no_end_is_not_read(tmp_path, device):
+    path = tmp_path / device
+    if device == "pipe":
+        os.mkfifo(path)
+    with pytest.raises(FileError, match=r"cannot be read \(a device or a pipe\); expected Tr"):
+        read_text(path, "Tr")
+    with pytest.raises(OSError, match="a device or a pipe"):
+        open_text(path)

@@ -1,5 +1,7 @@
 """Reads text files: UTF-8, with or without a byte order mark, and any line ends."""
 
+import errno
+import stat
 from pathlib import Path
 from typing import TextIO
 
@@ -15,6 +17,7 @@ def open_text(path: Path) -> TextIO:
     Raises OSError for a file that cannot be opened; reading raises UnicodeDecodeError for a file
     that is not UTF-8: see `text_problem`.
     """
+    _expect_regular(path)
     return path.open(encoding="utf-8-sig")
 
 
@@ -37,6 +40,7 @@ def read_text(path: Path, expected: str) -> str:
 def text_problem(path: Path) -> str | None:
     """The reason why a file cannot be read as text, or None."""
     try:
+        _expect_regular(path)
         head = path.read_bytes()
     except OSError as error:
         return f"cannot be read ({error.strerror})"
@@ -51,6 +55,13 @@ def text_problem(path: Path) -> str | None:
     except UnicodeDecodeError:
         return "is not text in UTF-8"
     return None
+
+
+def _expect_regular(path: Path) -> None:
+    """Raise OSError for a device or a pipe, which may have no end."""
+    mode = path.stat().st_mode
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise OSError(errno.EINVAL, "a device or a pipe")
 
 
 def _is_utf16(content: bytes) -> bool:

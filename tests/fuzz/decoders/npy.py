@@ -19,7 +19,7 @@ def decode(content: bytes) -> Points:
     wide = content[6] > 1
     (size,) = struct.unpack_from("<I" if wide else "<H", content, 8)
     start = 12 if wide else 10
-    text = content[start : start + size]
+    text = content[start : start + size].replace(b"\xa0", b" ")
     try:
         header = ast.literal_eval(text.decode("utf-8" if content[6] == 3 else "latin-1").strip())
         descr, fortran, shape = header["descr"], header["fortran_order"], header["shape"]

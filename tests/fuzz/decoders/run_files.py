@@ -71,7 +71,7 @@ def _columns(rows: list[list[str]]) -> list[list[str]]:
 
 
 def _number(text: str, whole: bool = False) -> float:
-    if not re.fullmatch(r"[-+]?[0-9]{1,25}" if whole else r"[-+.0-9einfa]+", text):
+    if not re.fullmatch(r"[-+]?[0-9]{1,25}" if whole else r"[-+.0-9eEinfa]+", text):
         raise UndecodableError("a value that is no number")
     try:
         return int(text) if whole else float(text)

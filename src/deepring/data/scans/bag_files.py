@@ -85,8 +85,9 @@ def _scans(bag: Bag, path: Path, topic: str | None, every: int) -> Iterator[BagS
         try:
             for message in part.file.messages(channels):
                 if read % every == 0:
-                    decode = partial(decoder, channels[message.channel], message.data)
-                    yield _scan(decode, message.time, f"bag {path}, {name}")
+                    encoding = channels[message.channel]
+                    decode = partial(decoder, encoding, message.data)
+                    yield _scan(decode, encoding, message.time, f"bag {path}, {name}")
                 read += 1
             damage = part.contents.damage
         except BrokenScanError as error:
@@ -118,11 +119,14 @@ def _topic(bag: Bag, topic: str | None) -> str:
         raise
 
 
-def _scan(decode: Callable[[], Any], time: int, source: str) -> BagScan:
+def _scan(decode: Callable[[], Any], encoding: str, time: int, source: str) -> BagScan:
     """The scan of one message; if it cannot be decoded, its stamp is that of the recording."""
     try:
         message = decode()
-        stamp = int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec) or time
+        seconds = int(message.header.stamp.sec)
+        if encoding == "ros1":  # unsigned there, which the library does not tell
+            seconds %= 2**32
+        stamp = seconds * 10**9 + int(message.header.stamp.nanosec) or time
     except BrokenScanError as error:
         return BagScan(time, partial(_fail, f"{source} at {time} ns: {error}"))
     return BagScan(stamp, partial(_points, message, f"{source} at {stamp} ns"))
