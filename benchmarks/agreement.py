@@ -18,7 +18,8 @@ from torch import Tensor
 
 from deepring.evaluation.descriptors import read_descriptors
 from deepring.search.code import CodeSettings, code_scores, fit_code
-from deepring.search.correlation_index import CorrelationIndex, SearchSettings
+from deepring.search.correlation_index import CorrelationIndex
+from deepring.search.search_settings import SearchSettings
 
 CANDIDATES = (10, 50, 100, 500)
 

@@ -11,7 +11,8 @@ from torch import Tensor
 
 from deepring.core.correlation import circular_cross_correlation
 from deepring.search.code import CodeSettings, fit_code
-from deepring.search.correlation_index import CorrelationIndex, SearchSettings
+from deepring.search.correlation_index import CorrelationIndex
+from deepring.search.search_settings import SearchSettings
 from deepring.search.spectra import encode
 from deepring.search.vector_index import VectorIndex
 

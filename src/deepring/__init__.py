@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from deepring.rasters import BevRaster as BevRaster
     from deepring.rasters import Preprocessing as Preprocessing
     from deepring.search.correlation_index import CorrelationIndex as CorrelationIndex
-    from deepring.search.correlation_index import SearchSettings as SearchSettings
+    from deepring.search.search_settings import SearchSettings as SearchSettings
     from deepring.testing import check_method as check_method
 
 __version__ = "0.1.0"
@@ -49,7 +49,7 @@ _MODULES = {
     "Ring": "deepring.methods.ring",
     "RingPlusPlus": "deepring.methods.ring_plus_plus",
     "ScanContext": "deepring.methods.scan_context",
-    "SearchSettings": "deepring.search.correlation_index",
+    "SearchSettings": "deepring.search.search_settings",
     "Session": "deepring.data.session",
     "check_method": "deepring.testing",
     "circular_cross_correlation": "deepring.core.correlation",

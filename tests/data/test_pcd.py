@@ -13,6 +13,7 @@ from deepring.data.scans import pcd
 from deepring.data.scans.pcd import read_pcd
 from deepring.data.scans.scan_files import read_scan
 from deepring.errors import BrokenScanError
+from fuzz.decoders.lzf import compress
 
 SAME_FOLDER = settings(
     deadline=None,
@@ -24,37 +25,6 @@ LETTERS = {
     **{("U", 1): "B", ("U", 2): "H", ("U", 4): "I", ("U", 8): "Q"},
 }
 ENCODINGS = ["ascii", "binary", "binary_compressed"]
-
-
-def packed(raw):
-    """LZF: each place that occurred before, with three bytes or more, as a reference to it."""
-    out, literals, at, seen = bytearray(), bytearray(), 0, {}
-
-    def flush():
-        for k in range(0, len(literals), 32):
-            out.extend([len(literals[k : k + 32]) - 1, *literals[k : k + 32]])
-        literals.clear()
-
-    while at < len(raw):
-        key = raw[at : at + 3]
-        before = seen.get(key)
-        seen[key] = at
-        if before is None or len(key) < 3 or at - before > 8192:
-            literals.append(raw[at])
-            at += 1
-            continue
-        length = 3
-        while length < 264 and at + length < len(raw) and raw[before + length] == raw[at + length]:
-            length += 1
-        flush()
-        distance = at - before - 1
-        if length < 9:
-            out.extend([(length - 2) << 5 | distance >> 8, distance & 255])
-        else:
-            out.extend([7 << 5 | distance >> 8, length - 9, distance & 255])
-        at += length
-    flush()
-    return bytes(out)
 
 
 def encoded(fields, rows, data, newline="\n", height=1, lines=None):
@@ -89,7 +59,7 @@ def encoded(fields, rows, data, newline="\n", height=1, lines=None):
             for k, (_, kind, count) in enumerate(fields)
             for row in rows
         )
-        small = packed(raw)
+        small = compress(raw)
         body = struct.pack("<II", len(small), len(raw)) + small
     return text.encode() + body
 
@@ -175,7 +145,7 @@ ROWS = [tuple([float(v)] for v in point) for point in POINTS]
 def test_lzf_is_unpacked():
     """The writer's packing refers back, also to what the reference itself writes."""
     raw = bytes(range(40)) * 9 + bytes(700)
-    small = packed(raw)
+    small = compress(raw)
     assert len(small) < 100
     out = np.empty(len(raw), np.uint8)
     from deepring.data.scans._lzf_kernel import unpack

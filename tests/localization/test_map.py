@@ -13,7 +13,7 @@ from deepring.errors import BrokenScanError, DeepringError, FileError
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.map import Map
-from deepring.search.correlation_index import SearchSettings
+from deepring.search.search_settings import SearchSettings
 from helpers.networks import small_network
 from helpers.sealed_files import parts_of, rewritten
 

@@ -12,8 +12,9 @@ from deepring.core.correlation import circular_cross_correlation, unit_norm
 from deepring.errors import DeepringError, FileError
 from deepring.search.block_store import BlockStore
 from deepring.search.code import CodeSettings, code_scores, fit_code
-from deepring.search.correlation_index import CorrelationIndex, SearchSettings
+from deepring.search.correlation_index import CorrelationIndex
 from deepring.search.exact import batched, compiled
+from deepring.search.search_settings import SearchSettings
 from deepring.search.spectra import (
     LANES,
     best_shift,

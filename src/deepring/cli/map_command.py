@@ -14,7 +14,7 @@ from deepring.localization.calibration import Tolerance, calibrate, trials_of
 from deepring.localization.location import Location
 from deepring.localization.map import Map
 from deepring.progress import progress_bar
-from deepring.search.correlation_index import SearchSettings
+from deepring.search.search_settings import SearchSettings
 
 
 def build(args: argparse.Namespace) -> None:

@@ -8,8 +8,8 @@ from torch import Tensor
 
 from deepring.errors import DataError
 from deepring.methods.method import Method, index_of
-from deepring.search.correlation_index import SearchSettings
 from deepring.search.hits import Hits, Index
+from deepring.search.search_settings import SearchSettings
 
 #: Places per query: as many as Recall@5 needs.
 BEST = 5

@@ -27,7 +27,8 @@ from deepring.methods.network_file import describe_network, make_network, weight
 from deepring.progress import Progress
 from deepring.rasters import BevRaster
 from deepring.search.block_store import axis_of
-from deepring.search.correlation_index import CorrelationIndex, SearchSettings
+from deepring.search.correlation_index import CorrelationIndex
+from deepring.search.search_settings import SearchSettings
 
 #: Places looked up per candidate, so that enough of them lie apart.
 SURPLUS = 8

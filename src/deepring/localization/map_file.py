@@ -14,7 +14,7 @@ from deepring.localization.candidates import RerankSettings
 from deepring.localization.location import AcceptanceThresholds
 from deepring.methods.deepring import DeepRing
 from deepring.search.code import expect_shape
-from deepring.search.correlation_index import SearchSettings
+from deepring.search.search_settings import SearchSettings
 from deepring.search.shards import ROWS
 
 

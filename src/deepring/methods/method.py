@@ -15,8 +15,8 @@ from deepring.methods.registry import method_class
 from deepring.progress import Progress
 from deepring.rasters import Raster, make_raster
 from deepring.search.compare_index import CompareIndex
-from deepring.search.correlation_index import SearchSettings
 from deepring.search.hits import Index
+from deepring.search.search_settings import SearchSettings
 from deepring.text import shown
 
 

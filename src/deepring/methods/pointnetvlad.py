@@ -14,8 +14,8 @@ from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.nn.netvlad import NetVlad
 from deepring.nn.pointnet import PointFeatures
 from deepring.rasters import PointsRaster, raster_settings
-from deepring.search.correlation_index import SearchSettings
 from deepring.search.hits import Index
+from deepring.search.search_settings import SearchSettings
 from deepring.search.vector_index import VectorIndex
 
 

@@ -15,8 +15,9 @@ from deepring.methods.method import Comparison, FixedMethod
 from deepring.nn.representation import LONGEST
 from deepring.rasters import BevRaster, Raster
 from deepring.search.compare_index import CompareIndex
-from deepring.search.correlation_index import CorrelationIndex, SearchSettings
+from deepring.search.correlation_index import CorrelationIndex
 from deepring.search.hits import Index
+from deepring.search.search_settings import SearchSettings
 
 
 class Ring(FixedMethod):

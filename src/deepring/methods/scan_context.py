@@ -11,9 +11,9 @@ from deepring.core.correlation import correlation_curves, shift_to_turn
 from deepring.methods.method import Comparison, FixedMethod
 from deepring.rasters import ContextRaster
 from deepring.search.block_store import BlockStore
-from deepring.search.correlation_index import SearchSettings
 from deepring.search.given import given_descriptors
 from deepring.search.hits import Best, Hits
+from deepring.search.search_settings import SearchSettings
 
 #: Floats of correlation curves in memory at once.
 _CURVES = 2**20

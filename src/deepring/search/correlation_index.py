@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -10,76 +9,24 @@ import torch
 from jaxtyping import Float, Float32, Int64
 from torch import Tensor
 
-from deepring.checks import between, count, one_of, positive, share
+from deepring.checks import count
 from deepring.core.correlation import shift_to_turn
 from deepring.errors import ConfigError, DataError, FileError
-from deepring.io.sealed import SealedFormat, open_sealed, write_sealed
-from deepring.io.tensor_types import TensorType
+from deepring.io.sealed import open_sealed, write_sealed
 from deepring.search import exact
 from deepring.search.block_store import BlockStore
 from deepring.search.code import (
     Code,
-    CodeSettings,
     code_scores,
     expect_code,
-    expect_shape,
     fit_code,
 )
 from deepring.search.given import given_descriptors
 from deepring.search.hits import Best, Hits
+from deepring.search.index_file import FORMAT, IndexHeader
+from deepring.search.search_settings import SearchSettings
 from deepring.search.shards import INDEX, Shard, expect_block, read_shards, write_shard
-from deepring.search.spectra import Precision, encode, padded_spectra
-
-
-@dataclass(frozen=True)
-class SearchSettings:
-    """Settings of an index: storage and search."""
-
-    precision: Precision = "float32"
-    code: CodeSettings | None = field(default_factory=CodeSettings)
-    """None stores no codes, and every search is exhaustive."""
-    exhaustive_below: int = 20_000
-    """Number of places up to which all are compared."""
-    candidates: int = 500
-    """Number of places that codes select for exact comparison."""
-    candidate_share: float = 0.005
-    """The same as a share of all places; the larger of the two applies."""
-
-    def __post_init__(self) -> None:
-        one_of("search.precision", self.precision, Precision)
-        count("search.candidates", self.candidates)
-        count("search.exhaustive_below", self.exhaustive_below, 0)
-        share("search.candidate_share", self.candidate_share)
-
-
-@dataclass(frozen=True)
-class _IndexHeader:
-    """The values that all places of an index share."""
-
-    settings: SearchSettings
-    period: float
-    cells: float
-    shape: tuple[int, int] | None
-    """(θ, ω) of the descriptors; None in an empty index."""
-    shards: tuple[Shard, ...]
-
-    def __post_init__(self) -> None:
-        between("period", positive("period", self.period), 0, 2 * math.pi + 1e-6, "radians")
-        between("cells", self.cells, 1e-6, 1e12)  # scores stay finite when divided
-        expect_shape(self.shape)
-
-
-FORMAT = SealedFormat(
-    "index",
-    3,
-    _IndexHeader,
-    {
-        "basis": TensorType("float32", ("ω", "components"), optional=True),
-        "step": TensorType("float32", ("frequencies", "components"), optional=True, least=1e-36),
-    },
-    description="an index as CorrelationIndex.save writes it",
-    remedy="build the index again and save it",
-)
+from deepring.search.spectra import encode, padded_spectra
 
 
 class CorrelationIndex:
@@ -235,7 +182,7 @@ class CorrelationIndex:
             for number in range(len(shards), len(blocks))
         )
         tensors = {} if self.code is None else {"basis": self.code.basis, "step": self.code.step}
-        header = _IndexHeader(self.settings, self.period, self.cells, self.shape, shards)
+        header = IndexHeader(self.settings, self.period, self.cells, self.shape, shards)
         write_sealed(folder / INDEX, FORMAT, header, tensors)
         self._attach(folder, shards)
 

@@ -55,7 +55,7 @@ def compress(data: bytes) -> bytes:
         key = data[at : at + 3]
         before = seen.get(key)
         seen[key] = at
-        if before is None or len(key) < 3 or at - before > 8191:
+        if before is None or len(key) < 3 or at - before > 8192:
             run.append(data[at])
             at += 1
             continue

@@ -8,7 +8,8 @@ from typing import Any
 
 from fuzz.files import UndecodableError
 
-_SIZES = {
+#: Bytes of a value, by safetensors' names of types.
+SIZES = {
     "F64": 8,
     "I64": 8,
     "F32": 4,
@@ -20,7 +21,7 @@ _SIZES = {
     "U8": 1,
     "BOOL": 1,
 }
-_NAMES = {
+NAMES = {
     **{"F64": "float64", "I64": "int64", "F32": "float32", "I32": "int32", "F16": "float16"},
     **{"BF16": "bfloat16", "I16": "int16", "I8": "int8", "U8": "uint8", "BOOL": "bool"},
 }
@@ -73,12 +74,12 @@ def _tensor(entry: Any, body: bytes) -> Tensor:
     try:
         dtype, shape, (start, end) = entry["dtype"], entry["shape"], entry["data_offsets"]
         data = body[start:end]
-        right = len(data) == end - start == math.prod(shape) * _SIZES[dtype]
+        right = len(data) == end - start == math.prod(shape) * SIZES[dtype]
     except (KeyError, TypeError, ValueError, OverflowError):
         raise UndecodableError("no safetensors file") from None
     if not right:
         raise UndecodableError("a tensor cut short")
-    return _NAMES[dtype], shape, data
+    return NAMES[dtype], shape, data
 
 
 def _json(raw: bytes) -> dict[str, Any]:

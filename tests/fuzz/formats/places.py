@@ -28,7 +28,8 @@ from deepring.localization.map import Map
 from deepring.methods.scan_context import ScanContext
 from deepring.rasters import ContextRaster
 from deepring.search.code import CodeSettings
-from deepring.search.correlation_index import CorrelationIndex, SearchSettings
+from deepring.search.correlation_index import CorrelationIndex
+from deepring.search.search_settings import SearchSettings
 from fuzz.decoders import sealed
 from fuzz.files import (
     Files,

@@ -6,27 +6,11 @@ import struct
 from random import Random
 from typing import Any, NamedTuple
 
+from fuzz.decoders.sealed import NAMES, SIZES
 from fuzz.files import Files, Mutation
 from fuzz.mutations.values import as_json, changed
 
 _KEY = "deepring_sealed"
-#: Bytes of a value, by safetensors' names of types.
-SIZES = {
-    "F64": 8,
-    "I64": 8,
-    "F32": 4,
-    "I32": 4,
-    "F16": 2,
-    "BF16": 2,
-    "I16": 2,
-    "I8": 1,
-    "U8": 1,
-    "BOOL": 1,
-}
-_NAMES = {
-    **{"F64": "float64", "I64": "int64", "F32": "float32", "I32": "int32", "F16": "float16"},
-    **{"BF16": "bfloat16", "I16": "int16", "I8": "int8", "U8": "uint8", "BOOL": "bool"},
-}
 
 
 class Tensor(NamedTuple):
@@ -82,7 +66,7 @@ def entries_of(tensors: dict[str, Tensor]) -> dict[str, Any]:
     """What a sealed header states of its tensors."""
     return {
         name: {
-            "dtype": _NAMES[tensor.dtype],
+            "dtype": NAMES[tensor.dtype],
             "shape": tensor.shape,
             "sha256": hashlib.sha256(tensor.data).hexdigest(),
         }

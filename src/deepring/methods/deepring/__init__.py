@@ -39,8 +39,9 @@ from deepring.nn.circular import TauPadding
 from deepring.nn.representation import make_representation
 from deepring.nn.unet import CircularUNet
 from deepring.rasters import BevRaster, raster_settings
-from deepring.search.correlation_index import CorrelationIndex, SearchSettings
+from deepring.search.correlation_index import CorrelationIndex
 from deepring.search.hits import Index
+from deepring.search.search_settings import SearchSettings
 from deepring.search.vector_index import VectorIndex
 
 NORMALISATIONS: dict[str, Callable[[Tensor], Tensor]] = {

@@ -17,8 +17,8 @@ from deepring.methods.disco.disco_unet import DiscoUNet, PolarPadding
 from deepring.methods.method import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.rasters import HeightRaster, raster_settings
-from deepring.search.correlation_index import SearchSettings
 from deepring.search.hits import Index
+from deepring.search.search_settings import SearchSettings
 from deepring.search.vector_index import VectorIndex
 
 

@@ -12,8 +12,8 @@ from deepring.methods.egonn.egonn_network import WIDTHS, EgoNN
 from deepring.methods.method import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.rasters import VoxelRaster, raster_settings
-from deepring.search.correlation_index import SearchSettings
 from deepring.search.hits import Index
+from deepring.search.search_settings import SearchSettings
 from deepring.search.vector_index import VectorIndex
 
 
