@@ -9,7 +9,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deepring.errors import DeepringError, FileError
+from deepring.errors import BrokenScanError, DeepringError, FileError
 from deepring.localization.map import Map
 from deepring.testing import walls
 from helpers.networks import small_network
@@ -195,6 +195,9 @@ def test_any_other_header_is_refused_or_locates(written, data):
         place_map = Map.open(strange)
     except FileError:
         return
-    location = place_map.localize(walls(1))
+    try:
+        location = place_map.localize(walls(1))
+    except BrokenScanError:  # such as a band of heights below the walls
+        return
     assert math.isfinite(location.x + location.y + location.yaw + location.fit)
     assert location.name == place_map.places.names[location.place]

@@ -13,16 +13,17 @@ from pathlib import Path
 from typing import Any
 
 import lightning as L
-import yaml
 from lightning.pytorch.callbacks import Callback
 from lightning.pytorch.utilities import rank_zero_only
 from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
-from deepring.errors import ConfigError, FileError
+from deepring.errors import ConfigError, DataError, FileError
 from deepring.io.files import replacing
+from deepring.io.plain_yaml import plain_yaml
 from deepring.io.text import read_text
 from deepring.io.typed import typed, typed_values
-from deepring.io.yaml_aliases import MOST_VALUES, expanded_size
 
 PACKAGES = ("deepring", "torch", "lightning", "hydra-core", "torchmetrics", "numpy", "scipy")
 
@@ -54,10 +55,11 @@ def read_config(path: Path) -> dict[str, Any]:
     text = read_text(path, _CONFIG)
     try:
         # What was recorded is resolved. Another's file must not ask for this machine's variables.
-        if "${" in text or expanded_size(yaml.safe_load(text)) > MOST_VALUES:
-            raise ValueError("interpolations, or aliases within aliases")
+        if "${" in text:
+            raise DataError("interpolations")
+        plain_yaml(text)
         config = OmegaConf.to_container(OmegaConf.load(StringIO(text)))
-    except Exception:  # invalid tags, numbers and nestings raise many types beside YAMLError
+    except (DataError, OmegaConfBaseException, YAMLError, ValueError):
         raise FileError(f"{path}: is not YAML of plain values; {_EXPECTED}") from None
     if not isinstance(config, dict) or not config:
         raise FileError(f"{path}: holds a {type(config).__name__}; {_EXPECTED}")

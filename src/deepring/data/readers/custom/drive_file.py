@@ -8,7 +8,6 @@ from reprlib import Repr
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from deepring import checks
@@ -18,10 +17,10 @@ from deepring.data.readers import binary_formats
 from deepring.data.readers.custom.custom_scans import UP, Band
 from deepring.data.readers.kitti import read_calibration
 from deepring.data.scans.names import ending_of
-from deepring.errors import ConfigError, FileError
+from deepring.errors import ConfigError, DataError, FileError
 from deepring.io.numbers_as_text import real_number
+from deepring.io.plain_yaml import plain_yaml
 from deepring.io.text import read_text
-from deepring.io.yaml_aliases import MOST_VALUES, expanded_size
 
 ENDINGS = (".yaml", ".yml")
 POSE_FORMATS = ("kitti", "tum")
@@ -86,17 +85,9 @@ def read_drives(path: Path | str) -> dict[str, DriveDescription]:
 def _load(file: Path) -> Any:
     text = read_text(file, "a YAML file that describes a drive")
     try:
-        content = yaml.safe_load(text)
-    except Exception as error:  # the library raises many types for invalid tags
-        mark = getattr(error, "problem_mark", None)
-        where = f"line {mark.line + 1}" if mark is not None else "some line"
-        raise ConfigError(f"{file}: invalid YAML at {where}; correct that line") from error
-    if expanded_size(content) > MOST_VALUES:
-        raise ConfigError(
-            f"{file}: aliases that stand for more than {MOST_VALUES} values; expected a few: write "
-            "them out"
-        )
-    return content
+        return plain_yaml(text)
+    except DataError as error:
+        raise ConfigError(f"{file}: {error}") from error
 
 
 def _drive(file: Path, name: str, values: dict[Any, Any], prefix: str) -> DriveDescription:

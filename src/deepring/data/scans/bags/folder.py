@@ -4,13 +4,11 @@ from collections import Counter
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
-import yaml
-
 from deepring.data.scans.bags.fields import text
 from deepring.data.scans.bags.storage import named_type
 from deepring.data.scans.names import files_with
 from deepring.errors import BrokenScanError, DataError, FileError
-from deepring.io.yaml_aliases import MOST_VALUES, expanded_size
+from deepring.io.plain_yaml import plain_yaml
 from deepring.text import shown
 
 _ENDINGS = {"mcap": ".mcap", "sqlite3": ".db3"}
@@ -38,9 +36,7 @@ def read_folder(path: Path) -> Folder:
         FileError: a file that is missing, or is there and not named.
     """
     try:
-        whole = yaml.safe_load((path / "metadata.yaml").read_bytes())
-        if expanded_size(whole) > MOST_VALUES:
-            raise ValueError("aliases within aliases")
+        whole = plain_yaml((path / "metadata.yaml").read_bytes())
         found = whole["rosbag2_bagfile_information"]
         storage = str(found["storage_identifier"])
         names = [PurePosixPath(str(name)).name for name in found["relative_file_paths"]]
@@ -50,9 +46,7 @@ def read_folder(path: Path) -> Folder:
         for topic in found["topics_with_message_count"] or []:
             name, kind = (_text(topic["topic_metadata"][key]) for key in ("name", "type"))
             counts[name, named_type(kind)] += int(topic["message_count"])
-    except OSError:
-        raise
-    except Exception as error:  # YAML of another shape
+    except (DataError, LookupError, TypeError, ValueError, AttributeError) as error:
         raise BrokenScanError("its metadata.yaml is damaged") from error
     if storage not in _ENDINGS:
         raise DataError(f"stored as {shown(_text(storage), 60)}; expected {' or '.join(_ENDINGS)}")

@@ -1,4 +1,4 @@
-"""What a YAML text stands for is counted without writing it out."""
+"""YAML of anybody: plain values, or one error; and what it stands for, counted without copying."""
 
 import math
 
@@ -7,7 +7,32 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deepring.io.yaml_aliases import expanded_size
+from deepring.errors import DataError
+from deepring.io.plain_yaml import expanded_size, plain_yaml
+
+BOMB = "a: &a [1]\n" + "".join(
+    f"{name}: &{name} [{', '.join([f'*{before}'] * 10)}]\n"
+    for before, name in zip("abcdefg", "bcdefgh", strict=True)
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a: 1\nb: [", "invalid YAML at line 2"),
+        ("a: !!python/object/apply:os.getcwd []", "invalid YAML at line 1"),
+        ("a: !!timestamp x", "invalid YAML at some line"),
+        ("a: !!int 9e9", "invalid YAML at some line"),
+        ("[" * 5000, "invalid YAML at some line"),
+        (b"\xff\xfe\x00", "invalid YAML at some line"),
+        (BOMB, "aliases that stand for more than 100000 values"),
+        ("&a [*a]", "aliases that stand for more than 100000 values"),
+    ],
+)
+def test_what_is_not_plain_is_one_error(text, said):
+    with pytest.raises(DataError, match=f"^{said}"):
+        plain_yaml(text)
+
 
 leaves = st.none() | st.booleans() | st.integers() | st.text(max_size=3)
 values = st.recursive(

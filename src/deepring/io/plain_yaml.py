@@ -1,4 +1,4 @@
-"""How many values a YAML text stands for: aliases within aliases stand for more than is written.
+"""YAML of plain values from anybody: it makes no objects, and stands for no more than is bearable.
 
 The library shares what an alias repeats, so that a few lines may hold a billion values. Whoever
 copies them runs out of memory.
@@ -7,8 +7,35 @@ copies them runs out of memory.
 import math
 from typing import Any
 
+import yaml
+
+from deepring.errors import DataError
+
 #: Values of a file; more are refused.
 MOST_VALUES = 100_000
+
+
+def plain_yaml(text: str | bytes) -> Any:
+    """The values of a YAML text.
+
+    Raises DataError, without the name of the file, for anything but plain values, and for aliases
+    that stand for more than `MOST_VALUES`.
+
+    >>> plain_yaml("a: [1, x]")
+    {'a': [1, 'x']}
+    """
+    try:
+        values = yaml.safe_load(text)
+        size = expanded_size(values)
+    except Exception as error:  # tags and numbers that are none raise many types beside YAMLError
+        mark = getattr(error, "problem_mark", None)
+        where = f"line {mark.line + 1}" if mark is not None else "some line"
+        raise DataError(f"invalid YAML at {where}; correct that line") from error
+    if size > MOST_VALUES:
+        raise DataError(
+            f"aliases that stand for more than {MOST_VALUES} values; expected a few: write them out"
+        )
+    return values
 
 
 def expanded_size(value: Any) -> float:
