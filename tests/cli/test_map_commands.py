@@ -85,6 +85,23 @@ def test_trust_is_calibrated_on_another_drive(place_map, tiny_nclt, tmp_path, he
     refused(here("map", "calibrate", place_map, *drive, "-o", "b.map"), "no thresholds")
 
 
+def test_two_maps_are_put_together(place_map, tiny_nclt, checkpoint, second, tmp_path, here):
+    options = ["--checkpoint", checkpoint, "--session", "2031-03-17", "--spacing", 5]
+    assert here(*BUILD, tiny_nclt, "-o", "b.map", *options).returncode == 0
+    done = here("map", "merge", place_map, "b.map", "-o", "both.map")
+    assert done.returncode == 0, done.stderr
+    assert "agree, to 0." in done.stdout
+    assert "only one of the maps keeps them" in done.stderr
+    both = Map.open(tmp_path / "both.map", check=True)
+    assert len(both) == len(Map.open(place_map)) + len(Map.open(tmp_path / "b.map"))
+    frame = done.stdout.partition("frame        ")[2].splitlines()[0]
+    x, y, _, yaw = (float(part.split()[1]) for part in frame.split(", "))
+    assert math.hypot(x, y) < 1  # the two drives have one world
+    assert abs(yaw) < 1
+    refused(here("map", "merge", place_map, "b.map", "-o", "both.map"), "exists")
+    refused(here("map", "merge", place_map, "absent.map", "-o", "c.map"), "absent.map")
+
+
 def test_a_map_of_one_place_cannot_tell_other_places(second, tmp_path, here):
     """Nothing is compared there: a wrong scan's fit of 0.21 to 0.26 was enough for trust."""
     place_map = Map(load_network("shipped").method)
