@@ -24,7 +24,7 @@ from deepring.localization.image_correlation import half_whitened, occupied_cell
 #: Candidates that are aligned at the full resolution: the best at half of it, and the best of those
 #: that contradict the very best. On four simulated drives (campuses and cities 110 and 111) they
 #: name the same place as all 25 at the full resolution in each query.
-_BEST, _RIVALS = 5, 3
+_BEST, _RIVALS = 3, 3
 
 #: Candidates that fit at half the resolution fit by this share of what is asked at the full one.
 _ALLOWANCE = 0.85
