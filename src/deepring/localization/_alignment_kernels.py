@@ -79,15 +79,12 @@ def half_whiten(spectra, transfer, times):
 
 @njit(cache=True, nogil=True)
 @no_type_check
-def multiply(places, queries, which, out):
-    """Write each of n places (n, f) times the conjugate of its queries ``which`` (n, t) into
-    ``out`` (n, t, f), complex64."""
-    for k in range(places.shape[0]):
-        place = places[k]
-        for t in range(which.shape[1]):
-            query, product = queries[which[k, t]], out[k, t]
-            for f in range(place.shape[0]):
-                product[f] = place[f] * np.conj(query[f])
+def multiply(places, queries, pairs, out):
+    """Write place times conjugate query of pairs (p, 2), their numbers, into ``out`` (p, f)."""
+    for k in range(pairs.shape[0]):
+        place, query, product = places[pairs[k, 0]], queries[pairs[k, 1]], out[k]
+        for f in range(place.shape[0]):
+            product[f] = place[f] * np.conj(query[f])
 
 
 @njit(cache=True, nogil=True)
