@@ -43,10 +43,11 @@ def checkpoint(tiny_nclt, tmp_path_factory):
 @pytest.fixture(scope="module")
 def place_map(tiny_nclt, checkpoint, tmp_path_factory):
     folder = tmp_path_factory.mktemp("maps")
-    options = ["--checkpoint", checkpoint, "--session", "2031-02-04", "--spacing", 5]
+    options = ["--checkpoint", checkpoint, "--session", "2031-02-04", "--spacing", 5, "--points"]
     done = deepring(*BUILD, tiny_nclt, "-o", "street.map", *options, cwd=folder)
     assert done.returncode == 0, done.stderr
     assert "places" in done.stdout
+    assert f"points       {Map.open(folder / 'street.map').points.count}" in done.stdout
     return folder / "street.map"
 
 
@@ -77,6 +78,7 @@ def test_trust_is_calibrated_on_another_drive(place_map, tiny_nclt, tmp_path, he
     usual, sure = Map.open(place_map), Map.open(tmp_path / "sure.map", check=True)
     assert sure.thresholds != usual.thresholds
     assert len(sure) == len(usual)
+    assert sure.points.count == usual.points.count > 100 * len(sure)
     assert f"{sure.thresholds.fit:g}" in here("map", "info", "sure.map").stdout
     refused(here("map", "calibrate", place_map, *drive, "-o", "sure.map"), "exists")
     drive[-1] = 0.999

@@ -47,6 +47,11 @@ def _add_build(parser: Parser) -> None:
         default="int8",
         help="type of the descriptors: float32, bfloat16 or int8 (%(default)s)",
     )
+    parser.add_argument(
+        "--points",
+        action="store_true",
+        help="keep the places' points, thinned, for `localize --refine`; the map becomes larger",
+    )
     parser.runs("deepring.cli.map_command:build")
 
 
