@@ -64,7 +64,7 @@ def loops_command(args: argparse.Namespace) -> None:
     write_together(_contents(result, files))
     _say(result)
     for path in files.values():
-        console.print(f"written      {printable(path)}")
+        console.print(f"written      {printable(str(path))}")
 
 
 def _files(args: argparse.Namespace) -> dict[str, Path]:

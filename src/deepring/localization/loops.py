@@ -15,6 +15,7 @@ from deepring.localization.location import AcceptanceThresholds, Location
 from deepring.localization.loop_graph import Loop, LoopGraph
 from deepring.localization.map import Map
 from deepring.localization.observation import Observation, described, occupancy
+from deepring.localization.place_points import PlacePoints, thinned_points
 from deepring.localization.refinement import RefinementSettings, refine, small_gicp
 from deepring.progress import Progress
 
@@ -49,8 +50,8 @@ class LoopFinder:
         place_map: a map without places, whose network, thresholds and ground are used; it is
             filled. See `LOOP_THRESHOLDS`: a map's usual thresholds are for places further apart.
         settings: distances, and refinement.
-        points_of: gives the points of an earlier keyframe, for the refinement. Without, they are
-            kept, thinned to one per voxel of the refinement.
+        points_of: gives the points of an earlier keyframe, for the refinement. Without, those of
+            all are kept in memory, thinned as `PlacePoints` says.
 
     Raises DataError for a map with places, and ConfigError for refinement without its library.
     """
@@ -72,7 +73,7 @@ class LoopFinder:
         self.loops: list[Loop] = []
         self.poses: list[NDArray[np.float64]] = []
         self._path: list[float] = []
-        self._kept: list[Points] = []
+        self._kept = PlacePoints()
         self._points_of = points_of
 
     def see(self, name: str, points: Points) -> Observation:
@@ -92,18 +93,18 @@ class LoopFinder:
             location = self.map.localize_observation(seen, before=past)
             if location.trusted:
                 self.loops.append(self._loop(location, points))
-        self.map.add_observation(seen, pose[None], [name])
+        self.map.add_observation(seen, pose[None], [name], [points])
         self.poses.append(pose)
         self._path.append(path)
         if self.settings.refinement is not None and self._points_of is None:
-            self._kept.append(_thinned(points, self.settings.refinement.voxel))
+            self._kept.add([thinned_points(points)])
 
     def _loop(self, location: Location, points: Points) -> Loop:
         earlier = location.place
         loop = _planar_loop(len(self.poses), location, self.poses[earlier])
         if self.settings.refinement is None:
             return loop
-        other = self._points_of(earlier) if self._points_of else self._kept[earlier]
+        other = self._points_of(earlier) if self._points_of else self._kept.of(earlier)
         return _refine(loop, points, other, self.settings.refinement)
 
 
@@ -165,10 +166,3 @@ def _refine(loop: Loop, points: Points, earlier: Points, settings: RefinementSet
         inliers=result.inliers,
         refined=result.converged,
     )
-
-
-def _thinned(points: Points, voxel: float) -> Points:
-    """The mean of the points of each voxel, as the refinement takes them."""
-    thin = small_gicp().voxelgrid_sampling(points.astype(np.float64), voxel)
-    kept: Points = np.asarray(thin.points())[:, :3].astype(np.float32)
-    return kept

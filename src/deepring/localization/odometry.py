@@ -20,8 +20,8 @@ from deepring.localization.deskewing import deskewed, motion_per_second
 FEWEST_POINTS = 100
 #: Metres around the sensor, in which the overlap is measured: there both are dense.
 _AROUND = 40.0
-#: Every so many points of the local map, and so many of the scan at most, tell the overlap.
-_MAP_STRIDE, _SCAN_POINTS = 4, 500
+#: Points of the local map and of the scan that tell the overlap, taken evenly from more.
+_MAP_POINTS, _SCAN_POINTS = 20_000, 500
 #: Scans after which a local map is dense enough for its overlap to tell anything.
 _SETTLED = 5
 
@@ -139,7 +139,7 @@ def _overlap(
     near = source[np.abs(source).max(axis=1) < _AROUND]
     near = near[:: max(1, len(near) // _SCAN_POINTS)]
     around = map_points[(np.abs(map_points - pose[:3, 3]) < _AROUND + voxel).all(axis=1)]
-    around = around[::_MAP_STRIDE]
+    around = around[:: max(1, len(around) // _MAP_POINTS)]
     if not len(near) or not len(around):
         return 0.0
     tree = KDTree(around, balanced_tree=False, compact_nodes=False)

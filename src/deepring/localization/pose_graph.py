@@ -15,6 +15,8 @@ from deepring.localization.loop_graph import LoopGraph, Track
 
 Poses = NDArray[np.float64]
 
+#: Times that loops are weighed again by what was solved with those accepted.
+_ROUNDS = 5
 #: x, y, z, rotation vector -> GTSAM's order.
 _ROTATION_FIRST = [3, 4, 5, 0, 1, 2]
 
@@ -53,17 +55,51 @@ def optimize(graph: LoopGraph, settings: PoseGraphSettings | None = None) -> Opt
     library = gtsam()
     if not graph.loops:
         return Optimized(graph.poses.copy(), np.zeros(0, dtype=np.bool_))
-    factors, values = _factors(library, graph)
+    factors, start = _factors(library, graph)
     certain = factors.size() - len(graph.loops)
+    optimizer = library.GncLMOptimizer(factors, start, _robust(library, certain))
+    optimizer.setInlierCostThresholdsAtProbability(settings.confidence)
+    values = optimizer.optimize()
+    accepted = np.asarray(optimizer.getWeights())[certain:] > 0.5
+    # The last of its steps begin where rejected loops had pulled; what is accepted is solved again.
+    for _ in range(_ROUNDS):
+        values = _solved(library, factors, accepted, (start, values))
+        fitting = _fitting(factors, certain, values, settings.confidence)
+        if (fitting == accepted).all():
+            break
+        accepted = fitting
+    else:
+        values = _solved(library, factors, accepted, (start, values))
+    poses = np.stack([values.atPose3(k).matrix() for k in range(len(graph.poses))])
+    return Optimized(poses, accepted)
+
+
+def _robust(library: Any, certain: int) -> Any:
+    """Settings of the graduated non-convexity, which doubts the factors behind the certain ones."""
     params = library.GncLMParams()
     params.setLossType(library.GncLossType.TLS)
     params.setKnownInliers(list(range(certain)))
-    optimizer = library.GncLMOptimizer(factors, values, params)
-    optimizer.setInlierCostThresholdsAtProbability(settings.confidence)
-    result = optimizer.optimize()
-    poses = np.stack([result.atPose3(k).matrix() for k in range(len(graph.poses))])
-    accepted = np.asarray(optimizer.getWeights())[certain:] > 0.5
-    return Optimized(poses, accepted)
+    return params
+
+
+def _solved(
+    library: Any, factors: Any, accepted: NDArray[np.bool_], starts: tuple[Any, ...]
+) -> Any:
+    """The least squares of the factors with the accepted loops, from the better of the starts."""
+    certain = factors.size() - len(accepted)
+    chosen = library.NonlinearFactorGraph()
+    for k in [*range(certain), *(certain + np.flatnonzero(accepted)).tolist()]:
+        chosen.add(factors.at(k))
+    results = [library.LevenbergMarquardtOptimizer(chosen, start).optimize() for start in starts]
+    return min(results, key=chosen.error)
+
+
+def _fitting(factors: Any, certain: int, values: Any, confidence: float) -> NDArray[np.bool_]:
+    """Which loops fit the values: (loops,)."""
+    from scipy.stats import chi2
+
+    costs = [2 * factors.at(k).error(values) for k in range(certain, factors.size())]
+    return np.array(costs) < chi2.ppf(confidence, 6)
 
 
 def _factors(library: Any, graph: LoopGraph) -> tuple[Any, Any]:

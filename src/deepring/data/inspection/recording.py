@@ -15,6 +15,8 @@ from deepring.errors import BrokenScanError, DataError
 SAMPLE = 12
 #: Metres by which the ground of the sample may vary, half of it to each side, to be taken from it.
 MOST_VARYING = 0.5
+#: Metres. No sensor sees surroundings whose ground is not as far below it.
+HIGHEST = -0.2
 
 
 def inspect_recording(
@@ -50,9 +52,12 @@ def inspect_recording(
     if known is not None:
         return known, findings
     showing = [one.ground for one in figures if shows_ground(one)]
-    if 2 * len(showing) < len(figures) or np.ptp(np.quantile(showing, [0.1, 0.9])) > MOST_VARYING:
+    agree = 2 * len(showing) >= len(figures)
+    if agree:
+        agree = bool(np.ptp(np.quantile(showing, [0.1, 0.9])) <= MOST_VARYING)
+    if not agree or np.median(showing) > HIGHEST:
         raise DataError(
-            "ground_z: not given, and the first scans do not agree on it; expected z of the ground "
+            "ground_z: not given, and the first scans do not show it; expected z of the ground "
             "under the sensor in the scans' frame, metres: minus the height of the sensor"
         )
     return round(float(np.median(showing)), 2), findings
