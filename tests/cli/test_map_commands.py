@@ -284,18 +284,27 @@ def test_loops_are_written_for_back_ends(tiny_nclt, checkpoint, tmp_path, here):
     options = ["--checkpoint", checkpoint, "--session", "2031-02-04", "--spacing", 8]
     done = here("loops", tiny_nclt, *options, "-o", "out/drive")
     assert done.returncode == 0, done.stderr
-    written = {path.name: path.read_text() for path in (tmp_path / "out").iterdir()}
-    assert set(written) == {"drive.g2o", "drive.tum", "drive.json"}
-    keyframes = len(json.loads(written["drive.json"])["scans"])
-    assert written["drive.g2o"].count("VERTEX_SE2") == keyframes
-    assert len(written["drive.tum"].splitlines()) == keyframes
-    refined = here("loops", tiny_nclt, *options, "--refine", "-o", "fine/drive")
+    written = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    trajectory = {"drive_odometry.tum", "drive_odometry.kitti"}
+    others = {"drive.g2o", "drive.loops.txt", "drive.json", "drive.png", "drive.html"}
+    assert set(written) == trajectory | others
+    found = json.loads(written["drive.json"])
+    assert found["poses"] == "given"
+    keyframes = len(found["scans"])
+    assert written["drive.g2o"].count(b"VERTEX_SE3:QUAT") == keyframes
+    session = open_nclt(tiny_nclt, "2031-02-04")
+    rows = [line.split() for line in written["drive_odometry.tum"].decode().splitlines()]
+    seconds = [int(row[0].replace(".", "")) for row in rows]
+    assert seconds == session.stamps.tolist()
+    refined = here("loops", tiny_nclt, *options, "--optimize", "-o", "fine/drive")
+    assert refined.returncode == 0, refined.stderr
     assert "refined" in refined.stdout
-    assert (tmp_path / "fine" / "drive.g2o").read_text().count("VERTEX_SE2") == keyframes
+    assert (tmp_path / "fine" / "drive_optimized.tum").read_text().count("\n") == len(rows)
     refused(here("loops", tiny_nclt, *options, "-o", "out/drive"), "exists")
     wrong = [*options, "--recent", 0]
     refused(here("loops", tiny_nclt, *wrong, "-o", "b"), "recent")
-    assert not list(tmp_path.glob("b.*"))
+    refused(here("loops", tiny_nclt, *options, "--every", 2, "-o", "b"), "--every: 2")
+    assert not list(tmp_path.glob("b*"))
 
 
 def test_a_network_is_exported_once(checkpoint, tmp_path, here):
