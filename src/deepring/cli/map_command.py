@@ -13,6 +13,7 @@ from deepring.data.left_out import LeftOut, usable_scans
 from deepring.localization.calibration import Tolerance, calibrate, trials_of
 from deepring.localization.location import Location
 from deepring.localization.map import Map
+from deepring.localization.place_points import VOXEL
 from deepring.progress import progress_bar
 from deepring.search.search_settings import SearchSettings
 
@@ -32,6 +33,7 @@ def build(args: argparse.Namespace) -> None:
             bar,
             left_out,
             search=SearchSettings(args.precision),
+            points=args.points,
         )
     place_map.save(args.output)
     warn(str(left_out))
@@ -79,6 +81,8 @@ def show(path: Path, place_map: Map) -> None:
     if len(place_map):
         size = np.ptp(place_map.places.positions, axis=0)
         console.print(f"extent       {size[0]:.0f} m x {size[1]:.0f} m")
+    if place_map.points is not None:
+        console.print(f"points       {place_map.points.count}, one per {VOXEL:g} m of each place")
     settings = place_map.network.settings
     parameters = sum(p.numel() for p in place_map.network.parameters())
     console.print(f"network      {settings.label}, {parameters} parameters")
