@@ -14,7 +14,7 @@ from deepring.data.poses.pose_tables import read_table, stamped_rows
 from deepring.data.readers import list_sessions, open_session
 from deepring.errors import DeepringError, FileError
 from deepring.localization.graph_files import json_text, tum_lines
-from deepring.localization.loops import LoopGraph
+from deepring.localization.loop_graph import LoopGraph
 
 STAMP = 1691936557946849179  # not representable as seconds in float64
 COUNT = 6

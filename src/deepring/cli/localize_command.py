@@ -105,8 +105,8 @@ def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
         for k in range(0, len(session), args.every):
             yield Scan(session.files[k], stamps[k], partial(session.points, k), ground_z)
     elif is_bag(file):
-        for stamp, read in bag_scans(file, args.topic, args.every):
-            yield Scan(file, stamp, read, args.ground_z)
+        for scan in bag_scans(file, args.topic, args.every):
+            yield Scan(file, scan.stamp, scan.read, args.ground_z)
     else:
         yield Scan(file, None, partial(read_scan, file, args.format), args.ground_z)
 

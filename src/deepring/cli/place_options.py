@@ -13,6 +13,7 @@ from deepring.cli.options import (
 )
 from deepring.cli.parser import Names, Parser, number, subcommands, whole
 
+DRIVE_FORMATS = "deepring.data.readers:drive_formats"
 BINARY_FORMATS = "deepring.data.readers:binary_formats"
 
 #: Output formats of `localize`.
@@ -121,8 +122,23 @@ def add_localize(parser: Parser) -> None:
 
 
 def add_loops(parser: Parser) -> None:
-    """``deepring loops FOLDER -o OUT``."""
-    add_drive(parser)
+    """``deepring loops SCANS -o OUT``."""
+    parser.add_argument(
+        "root",
+        type=Path,
+        metavar="SCANS",
+        help="a bag, a folder of scans in order, a dataset's folder, or a drive.yaml",
+    )
+    parser.add_argument(
+        "--format",
+        choices=Names(DRIVE_FORMATS),
+        metavar="NAME",
+        help="format of the dataset, recognised from the folder by default, or of .bin files: "
+        "%(choices)s",
+    )
+    add_session(parser, "session, if the folder holds several")
+    add_ground(parser, "the drive's, or where its first scans show it,")
+    _add_recording(parser)
     add_network(parser)
     add_output(parser, "OUT", "path of the new files, without the ending")
     add_metres(parser, "--spacing", 2.0, "metres between keyframes")
@@ -141,7 +157,36 @@ def add_loops(parser: Parser) -> None:
         action="store_true",
         help="refine each loop on the points of its two scans (needs deepring[refine])",
     )
-    parser.runs("deepring.cli.loops_command:loops_command")
+    parser.add_argument(
+        "--optimize",
+        action="store_true",
+        help="close the refined loops in a pose graph (needs deepring[refine,optimize])",
+    )
+    parser.runs("deepring.cli.loops_command:loops_command", binary="--format")
+
+
+def _add_recording(parser: Parser) -> None:
+    """The options of scans whose poses an odometry finds."""
+    parser.add_argument("--topic", help="topic of the point clouds, if a bag has several")
+    parser.add_argument(
+        "--every",
+        type=whole(1),
+        default=1,
+        metavar="N",
+        help="take every N-th scan of a drive without poses (%(default)s)",
+    )
+    parser.add_argument(
+        "--odometry",
+        action="store_true",
+        help="find the poses by odometry although the drive has some, and compare (scans without "
+        "poses need no flag; needs deepring[odometry])",
+    )
+    parser.add_argument(
+        "--poses",
+        type=Path,
+        metavar="FILE",
+        help="true poses to compare with, TUM's format, at the stamps of the scans",
+    )
 
 
 def add_export(parser: Parser) -> None:
