@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import math
+import sys
 from functools import partial
 
 import numpy as np
@@ -451,3 +452,36 @@ def test_a_network_is_evaluated_on_a_custom_drive(custom_drive, checkpoint, here
     done = here("evaluate", f"checkpoint={checkpoint}", *options)
     assert done.returncode == 0, done.stderr
     assert "Recall@1" in done.stdout
+
+
+def test_consecutive_scans_are_joined(place_map, second, tmp_path, here, monkeypatch):
+    """As files of a folder and as a bag; the last scan has company, the first one none."""
+    step = np.float32([0.5, 0, 0])
+    clouds = [scattered(0, n=9000) - k * step for k in range(3)]
+    half = [cloud[cloud[:, 1] * (-1) ** k > -2] for k, cloud in enumerate(clouds)]
+    (tmp_path / "scans").mkdir()
+    for k, cloud in enumerate(half):
+        np.save(tmp_path / "scans" / f"{k}.npy", cloud)
+    bag = write_bag(tmp_path, "mcap", {"/points": [message(cloud) for cloud in half]})
+    whole = Map(load_network("shipped").method)
+    whole.add([clouds[0]], np.eye(4)[None], ["a"])
+    whole.save(tmp_path / "whole.map")
+
+    def rows(*options):
+        done = here("localize", "whole.map", *options, "--as", "json")
+        assert done.returncode == 0, done.stderr
+        return [json.loads(line) for line in done.stdout.splitlines()], done.stderr
+
+    alone, _ = rows("scans")
+    joined, said = rows("scans", "--accumulate", 3)
+    assert joined[0] == alone[0]
+    assert joined[2]["fit"] > alone[2]["fit"]
+    assert math.hypot(joined[2]["x"] - 1.0, joined[2]["y"]) < 0.5
+    assert "warning" not in said
+    of_bag, _ = rows(bag, "--accumulate", 3)
+    assert [row["fit"] for row in of_bag] == [row["fit"] for row in joined]
+    np.save(tmp_path / "scans" / "3.npy", scattered(7, n=9000))
+    assert "1 scans do not overlap" in rows("scans", "--accumulate", 3)[1]
+    monkeypatch.setitem(sys.modules, "kiss_icp.kiss_icp", None)
+    refused(here("localize", "no.map", "scans", "--accumulate", 2), "deepring[odometry]")
+    assert rows("scans")[0][:3] == alone
