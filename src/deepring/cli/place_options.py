@@ -106,6 +106,14 @@ def add_localize(parser: Parser) -> None:
         metavar="N",
         help="take every N-th scan of a bag or a drive (%(default)s)",
     )
+    parser.add_argument(
+        "--accumulate",
+        type=whole(1),
+        default=1,
+        metavar="N",
+        help="join each scan with up to N - 1 before it, for sensors that see little "
+        "(%(default)s; needs deepring[odometry])",
+    )
     add_session(parser, "drive, if drive.yaml describes several")
     add_ground(parser, "the map's")
     parser.add_argument(
