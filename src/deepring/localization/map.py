@@ -81,6 +81,8 @@ class Map:
         self.rerank = rerank or RerankSettings()
         self.thresholds = thresholds or AcceptanceThresholds()
         self.places = PlaceStore(raster)
+        self.source = ""
+        """What the places were built from, in words; empty if nobody says."""
 
     def __len__(self) -> int:
         return len(self.places)
@@ -251,6 +253,7 @@ class Map:
             thresholds=self.thresholds,
             shape=self.index.shape,
             names=tuple(self.places.names),
+            source=self.source,
         )
         write_sealed(path, FORMAT, header, tensors)
 
@@ -270,6 +273,7 @@ class Map:
             settings = (header.search, header.rerank, header.thresholds)
             place_map = cls(network, header.ground_z, *settings)
             expect_fitting(network, header)
+            place_map.source = header.source
             place_map.places.restore(tensors["images"], tensors["poses"], header.names)
             rows, code = under("index.", tensors), under("code.", tensors)
             place_map.index.restore(rows, header.shape, code.get("basis"), code.get("step"))
