@@ -126,8 +126,9 @@ def test_equation_4_a_translation_moves_polar_cells_nonlinearly(r, angle, dx, dy
     )
     a, q = (sector + 0.5) * 2 * math.pi / sectors, (ring + 0.5) * radius / rings
     x, y = q * math.cos(a) - dx, q * math.sin(a) - dy
-    # Off by no more than half a cell in either direction.
-    slack = math.hypot(radius / rings, q * 2 * math.pi / sectors) / 2 + 1e-4
+    # Off by no more than half a cell in either direction, as wide as it is at its outer border.
+    outer = q + radius / rings / 2
+    slack = math.hypot(radius / rings, outer * 2 * math.pi / sectors) / 2 + 1e-4
     assert math.dist((x, y), point[0, :2]) < slack
     r_back, theta_back = math.hypot(x, y), math.atan2(y, x)
     assert abs(r_back - r) < slack

@@ -43,10 +43,11 @@ def checkpoint(tiny_nclt, tmp_path_factory):
 @pytest.fixture(scope="module")
 def place_map(tiny_nclt, checkpoint, tmp_path_factory):
     folder = tmp_path_factory.mktemp("maps")
-    options = ["--checkpoint", checkpoint, "--session", "2031-02-04", "--spacing", 5]
+    options = ["--checkpoint", checkpoint, "--session", "2031-02-04", "--spacing", 5, "--points"]
     done = deepring(*BUILD, tiny_nclt, "-o", "street.map", *options, cwd=folder)
     assert done.returncode == 0, done.stderr
     assert "places" in done.stdout
+    assert f"points       {Map.open(folder / 'street.map').points.count}" in done.stdout
     return folder / "street.map"
 
 
@@ -77,10 +78,28 @@ def test_trust_is_calibrated_on_another_drive(place_map, tiny_nclt, tmp_path, he
     usual, sure = Map.open(place_map), Map.open(tmp_path / "sure.map", check=True)
     assert sure.thresholds != usual.thresholds
     assert len(sure) == len(usual)
+    assert sure.points.count == usual.points.count > 100 * len(sure)
     assert f"{sure.thresholds.fit:g}" in here("map", "info", "sure.map").stdout
     refused(here("map", "calibrate", place_map, *drive, "-o", "sure.map"), "exists")
     drive[-1] = 0.999
     refused(here("map", "calibrate", place_map, *drive, "-o", "b.map"), "no thresholds")
+
+
+def test_two_maps_are_put_together(place_map, tiny_nclt, checkpoint, second, tmp_path, here):
+    options = ["--checkpoint", checkpoint, "--session", "2031-03-17", "--spacing", 5]
+    assert here(*BUILD, tiny_nclt, "-o", "b.map", *options).returncode == 0
+    done = here("map", "merge", place_map, "b.map", "-o", "both.map")
+    assert done.returncode == 0, done.stderr
+    assert "agree, to 0." in done.stdout
+    assert "only one of the maps keeps them" in done.stderr
+    both = Map.open(tmp_path / "both.map", check=True)
+    assert len(both) == len(Map.open(place_map)) + len(Map.open(tmp_path / "b.map"))
+    frame = done.stdout.partition("frame        ")[2].splitlines()[0]
+    x, y, _, yaw = (float(part.split()[1]) for part in frame.split(", "))
+    assert math.hypot(x, y) < 1  # the two drives have one world
+    assert abs(yaw) < 1
+    refused(here("map", "merge", place_map, "b.map", "-o", "both.map"), "exists")
+    refused(here("map", "merge", place_map, "absent.map", "-o", "c.map"), "absent.map")
 
 
 def test_a_map_of_one_place_cannot_tell_other_places(second, tmp_path, here):

@@ -18,6 +18,7 @@ from deepring.localization.calibration import Tolerance, calibrate, trials_of
 from deepring.localization.cloud_map import map_of_cloud
 from deepring.localization.location import Location
 from deepring.localization.map import Map
+from deepring.localization.place_points import VOXEL
 from deepring.localization.virtual_scan import VirtualSensor
 from deepring.progress import progress_bar
 from deepring.search.search_settings import SearchSettings
@@ -56,6 +57,7 @@ def _build_of_cloud(args: argparse.Namespace) -> None:
             args.spacing,
             path,
             search=SearchSettings(args.precision),
+            points=args.points,
         )
         built.map.save(args.output)
     for reason in built.left_out:
@@ -76,6 +78,7 @@ def _build_of_drive(args: argparse.Namespace) -> None:
             bar,
             left_out,
             search=SearchSettings(args.precision),
+            points=args.points,
         )
     place_map.source = f"drive {session.name}"
     place_map.save(args.output)
@@ -126,6 +129,8 @@ def show(path: Path, place_map: Map) -> None:
     if len(place_map):
         size = np.ptp(place_map.places.positions, axis=0)
         console.print(f"extent       {size[0]:.0f} m x {size[1]:.0f} m")
+    if place_map.points is not None:
+        console.print(f"points       {place_map.points.count}, one per {VOXEL:g} m of each place")
     settings = place_map.network.settings
     parameters = sum(p.numel() for p in place_map.network.parameters())
     console.print(f"network      {settings.label}, {parameters} parameters")

@@ -20,7 +20,7 @@ FORMS = ("table", "json", "csv")
 
 
 def add_map(parser: Parser) -> None:
-    """``deepring map build | info | calibrate``."""
+    """``deepring map build | info | calibrate | merge``."""
     add = subcommands(parser)
     _add_build(add("build", help="build a map of one drive", description="Build a map of a drive."))
     shower = add("info", help="show what a map holds", description="Show what a map holds, after "
@@ -32,6 +32,14 @@ def add_map(parser: Parser) -> None:
             "calibrate",
             help="calibrate when to trust a map",
             description="Set the thresholds of trust with a second drive in the map's world.",
+        )
+    )
+    _add_merge(
+        add(
+            "merge",
+            help="put two maps together",
+            description="Find where map B lies in map A by locating its places there, and write a "
+            "map of both, in the frame of A and with its network and thresholds.",
         )
     )
 
@@ -52,6 +60,11 @@ def _add_build(parser: Parser) -> None:
         "--precision",
         default="int8",
         help="type of the descriptors: float32, bfloat16 or int8 (%(default)s)",
+    )
+    parser.add_argument(
+        "--points",
+        action="store_true",
+        help="keep the places' points, thinned, for `localize --refine`; the map becomes larger",
     )
     parser.runs("deepring.cli.map_command:build")
 
@@ -92,6 +105,13 @@ def _add_calibrate(parser: Parser) -> None:
     add_metres(parser, "--within", 2.0, "largest error of a right location, metres")
     add_metres(parser, "--spacing", 5.0, "metres between scans")
     parser.runs("deepring.cli.map_command:calibrate_map", metres="--within")
+
+
+def _add_merge(parser: Parser) -> None:
+    parser.add_argument("first", type=Path, metavar="A")
+    parser.add_argument("second", type=Path, metavar="B")
+    add_output(parser, "MAP", "the new map")
+    parser.runs("deepring.cli.map_merge_command:merge", first="A", second="B")
 
 
 def add_localize(parser: Parser) -> None:

@@ -149,4 +149,5 @@ def _add(place_map: Map, places: list[_Place]) -> None:
     seen = described(place_map.network, np.stack([place.image for place in places]))
     poses = np.tile(np.eye(4), (len(places), 1, 1))
     poses[:, :3, 3] = [place.position for place in places]
-    place_map.add_observation(seen, poses, [place.name for place in places])
+    scans = None if place_map.points is None else [place.scan for place in places]
+    place_map.add_observation(seen, poses, [place.name for place in places], scans)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from deepring import checks
 from deepring.core.rigid import yaw_after_turn
 from deepring.data.left_out import LeftOut, usable_scans
-from deepring.data.session import Session
+from deepring.data.session import Points, Session
 from deepring.errors import ConfigError, DataError
 from deepring.io.sealed import open_sealed, write_sealed
 from deepring.localization.candidates import RerankSettings, align_candidates, spread_out
@@ -21,7 +21,9 @@ from deepring.localization.given import given_list, given_names, given_path, giv
 from deepring.localization.location import AcceptanceThresholds, Location, best_fit
 from deepring.localization.map_file import FORMAT, MapHeader, expect_fitting, prefixed, under
 from deepring.localization.observation import Observation, described, observed, occupancy
+from deepring.localization.place_points import PlacePoints, thinned_points
 from deepring.localization.place_store import PlaceStore
+from deepring.localization.scan_points import scan_points
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import describe_network, make_network, weights_of
 from deepring.progress import Progress
@@ -48,6 +50,7 @@ class Map:
         search: how descriptors are stored and looked up.
         rerank: how candidates are selected and aligned.
         thresholds: when a location is trusted.
+        points: whether the map keeps each place's points too, thinned; see `PlacePoints`.
 
     Raises ConfigError for another network, for a ``ground_z`` that is not a finite number, and for
     settings of other types.
@@ -60,8 +63,10 @@ class Map:
         search: SearchSettings | None = None,
         rerank: RerankSettings | None = None,
         thresholds: AcceptanceThresholds | None = None,
+        points: bool = False,
     ) -> None:
         checks.of_type("network", network, DeepRing)
+        checks.of_type("points", points, bool)
         for name, value, kind in (
             ("search", search, SearchSettings),
             ("rerank", rerank, RerankSettings),
@@ -81,6 +86,7 @@ class Map:
         self.rerank = rerank or RerankSettings()
         self.thresholds = thresholds or AcceptanceThresholds()
         self.places = PlaceStore(raster)
+        self.points = PlacePoints() if points else None
         self.source = ""
         """What the places were built from, in words; empty if nobody says."""
 
@@ -115,16 +121,18 @@ class Map:
         checks.of_type("session", session, Session)
         place_map = cls(network, ground_z, **settings)
 
-        def image(k: int) -> NDArray[np.bool_]:
-            name = str(session.files[k])
-            return occupancy(name, session.points(k), place_map.ground_z, place_map.raster)
+        def see(k: int) -> tuple[NDArray[np.bool_], Points | None]:
+            points, name = session.points(k), str(session.files[k])
+            image = occupancy(name, points, place_map.ground_z, place_map.raster)
+            return image, None if place_map.points is None else points
 
-        places = usable_scans(session, spacing, image, left_out, progress)
+        places = usable_scans(session, spacing, see, left_out, progress)
         while batch := list(islice(places, BATCH)):
             scans = [k for k, _ in batch]
-            seen = described(place_map.network, np.stack([image for _, image in batch]))
+            seen = described(place_map.network, np.stack([image for _, (image, _) in batch]))
             names = [session.files[k].name for k in scans]
-            place_map.add_observation(seen, session.poses[scans], names)
+            points = [points for _, (_, points) in batch]
+            place_map.add_observation(seen, session.poses[scans], names, points)
         return place_map
 
     def add(self, scans: Iterable[Any], poses: Any, names: Iterable[str]) -> None:
@@ -135,7 +143,7 @@ class Map:
         """
         scans = given_list("scans", scans, "scans (n, 3)")
         poses, names = given_poses(poses, len(scans)), given_names(names, len(scans))
-        self.add_observation(self.observe(scans), poses, names)
+        self.add_observation(self.observe(scans), poses, names, scans)
 
     def localize(
         self, points: Any, before: int | None = None, ground_z: float | None = None
@@ -166,24 +174,39 @@ class Map:
             images[k] = occupancy(name, scan, ground_z, self.raster)
         return described(self.network, images)
 
-    def add_observation(self, scans: Observation, poses: Any, names: Iterable[str]) -> None:
-        """Add k places, as `add` does, from what `observe` gives."""
+    def add_observation(
+        self,
+        scans: Observation,
+        poses: Any,
+        names: Iterable[str],
+        points: Iterable[Any] | None = None,
+    ) -> None:
+        """Add k places, as `add` does, from what `observe` gives.
+
+        ``points`` are the scans themselves, for a map that keeps points; another needs none.
+        Raises DataError as `add` does.
+        """
         scans = self._observed(scans)
         count = len(scans.images)
         poses, names = given_poses(poses, count), given_names(names, count)
+        thinned = [] if self.points is None else _thinned(points, count)
         with self.all_or_nothing():
             self.places.add(scans.images, poses, names)
             self.index.add(scans.descriptors)
+            if self.points is not None:
+                self.points.add(thinned)
 
     @contextmanager
     def all_or_nothing(self) -> Iterator[None]:
         """Take back all places that are added inside if it ends in an error or with Ctrl-C."""
-        places, index = self.places.mark(), self.index.mark()
+        every: tuple[Any, ...] = (self.places, self.index, self.points)
+        parts = [part for part in every if part is not None]
+        marks = [part.mark() for part in parts]
         try:
             yield
         except BaseException:
-            self.places.rewind(places)
-            self.index.rewind(index)
+            for part, mark in zip(parts, marks, strict=True):
+                part.rewind(mark)
             raise
 
     def localize_observation(self, scan: Observation, before: int | None = None) -> Location:
@@ -198,7 +221,7 @@ class Map:
         rows = spread_out(poses[:, :2], self.rerank)
         places, poses = hits.place[0, rows], poses[rows]
         image, images = torch.from_numpy(scan.images[0]), self.places.images(places)
-        alignment = align_candidates(image, hits.turn[0, rows], images, self.rerank)
+        alignment = align_candidates(image, hits.turn[0, rows], images, self.rerank, poses)
         counts = images.sum(dim=(1, 2))
         best = best_fit(alignment, poses, self.rerank, counts)
         candidate = best.candidate
@@ -245,6 +268,8 @@ class Map:
         tensors |= prefixed("network.", weights_of(self.network))
         if code is not None:
             tensors |= {"code.basis": code.basis, "code.step": code.step}
+        if self.points is not None:
+            tensors |= self.points.tensors()
         header = MapHeader(
             network=describe_network(self.network),
             ground_z=self.ground_z,
@@ -275,6 +300,7 @@ class Map:
             expect_fitting(network, header)
             place_map.source = header.source
             place_map.places.restore(tensors["images"], tensors["poses"], header.names)
+            place_map.points = PlacePoints.restored(tensors, len(place_map))
             rows, code = under("index.", tensors), under("code.", tensors)
             place_map.index.restore(rows, header.shape, code.get("basis"), code.get("step"))
             if len(place_map.index) != len(place_map):
@@ -282,3 +308,13 @@ class Map:
                     f"index: {len(place_map.index)} places, expected {len(place_map)}, one per name"
                 )
         return place_map
+
+
+def _thinned(points: Iterable[Any] | None, count: int) -> list[NDArray[np.int16]]:
+    """The points that a map keeps of each of ``count`` scans. Raises DataError for other scans."""
+    if points is None:
+        raise DataError("points: None, expected those of each scan: this map keeps them")
+    scans = given_list("points", points, "scans (n, 3)")
+    if len(scans) != count:
+        raise DataError(f"points: {len(scans)} scans, expected {count}, one for each place")
+    return [thinned_points(scan_points(f"points[{k}]", scan)) for k, scan in enumerate(scans)]

@@ -12,6 +12,7 @@ from deepring.io.sealed import SealedFormat
 from deepring.io.tensor_types import TensorType, TensorTypes
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.location import AcceptanceThresholds
+from deepring.localization.place_points import COUNTS, XYZ
 from deepring.methods.deepring import DeepRing
 from deepring.search.code import expect_shape
 from deepring.search.search_settings import SearchSettings
@@ -50,6 +51,8 @@ TENSORS: TensorTypes = {
     **_INDEX,
     "code.basis": TensorType("float32", ("ω", "components"), optional=True),
     "code.step": TensorType("float32", ("frequencies", "components"), optional=True, least=1e-36),
+    XYZ: TensorType("int16", ("p", 3), optional=True),
+    COUNTS: TensorType("int32", ("n",), optional=True),
     "network.*": None,
 }
 

@@ -22,7 +22,7 @@ from deepring.evaluation.descriptors import (
 )
 from deepring.evaluation.fingerprint import fingerprint
 from deepring.evaluation.scoring import find_pairs, score_pair
-from deepring.localization.alignment import AlignmentSettings
+from deepring.localization.alignment_settings import AlignmentSettings
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.map import Map
 from deepring.methods.scan_context import ScanContext
@@ -95,7 +95,7 @@ def _sealed(*names: str) -> tuple[Mutation, ...]:
 def _map(precision: str) -> Files:
     rerank = RerankSettings(alignment=AlignmentSettings(cells=24, padded=32), spread=0.0)
     search = SearchSettings(precision, CodeSettings(4, 6))
-    place_map = Map(deepring(pool=1), -1.8, search, rerank)
+    place_map = Map(deepring(pool=1), -1.8, search, rerank, points=precision == "int8")
     poses = np.tile(np.eye(4), (_PLACES, 1, 1))
     poses[:, 0, 3] = 10.0 * np.arange(_PLACES)
     scans = [np.array(scene(k), np.float32) for k in range(_PLACES)]
