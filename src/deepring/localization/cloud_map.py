@@ -72,7 +72,8 @@ def map_of_cloud(
     in which z does not point up, one without ground, and for a path that does not lie in it.
     """
     sensor = sensor or VirtualSensor()
-    spacing = spacing or (GRID_SPACING if path is None else PATH_SPACING)
+    if spacing is None:
+        spacing = GRID_SPACING if path is None else PATH_SPACING
     checks.positive("spacing", spacing, "metres")
     place_map = Map(network, -sensor.height, **settings)
     expect_plausible(cloud)

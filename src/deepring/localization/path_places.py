@@ -1,5 +1,6 @@
 """Places along a path through a cloud: where it was driven, on the ground of the cloud."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,8 @@ _BELOW, _ABOVE = 5.0, 0.75
 _STEP = 0.2
 #: Cells of 0.5 m that show the ground beneath a pose, and their share of the best height's.
 _LEAST, _SHARE = 4, 0.6
+#: Metres from a pose within which its ground has to show at least one point.
+_BENEATH = 1.5
 #: Share of the places of a path that may lie without ground beneath.
 MOST_OFF = 0.2
 
@@ -75,14 +78,16 @@ def ground_beneath(cloud: TiledCloud, position: NDArray[np.float64]) -> float:
         return float("nan")
     rows = np.floor(points / [0.5, 0.5, _STEP]).astype(np.int64)
     rows = np.unique(rows, axis=0)
-    steps = rows[:, 2] - rows[:, 2].min()
-    count = np.bincount(steps)
+    lowest = math.floor(-_BELOW / _STEP)
+    count = np.bincount(rows[:, 2] - lowest, minlength=math.ceil((_BELOW + _ABOVE) / _STEP))
     count = count + np.append(count[1:], 0)  # a surface may lie on the border of two steps
     if count.max() < _LEAST:
         return float("nan")
-    step = int(np.flatnonzero(count >= _SHARE * count.max())[-1]) + int(rows[:, 2].min())
-    surface = points[(points[:, 2] >= step * _STEP) & (points[:, 2] < (step + 2) * _STEP), 2]
-    return float(np.median(surface) + position[2])
+    step = int(np.flatnonzero(count >= _SHARE * count.max())[-1]) + lowest
+    surface = points[(points[:, 2] >= step * _STEP) & (points[:, 2] < (step + 2) * _STEP)]
+    if not (np.hypot(surface[:, 0], surface[:, 1]) < _BENEATH).any():
+        return float("nan")  # walls aside, with nothing between them
+    return float(np.median(surface[:, 2]) + position[2])
 
 
 def _apart(path: NDArray[np.float64], rows: NDArray[np.int64], least: float) -> NDArray[np.int64]:

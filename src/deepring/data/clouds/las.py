@@ -50,13 +50,16 @@ def _next(chunks: Any, found: int, expected: int) -> NDArray[np.float64]:
 
 def _opened(path: Path) -> Any:
     laspy = _laspy()
+    source = path.open("rb")
     try:
-        file = laspy.open(path)
+        file = laspy.open(source)
         _expect_size(path, file.header)
         return file
     except (ContentError, OSError):
+        source.close()
         raise
     except Exception:  # see above
+        source.close()
         raise ContentError("no LAS header, or a damaged one") from None
 
 
