@@ -46,10 +46,17 @@ def add_map(parser: Parser) -> None:
 
 
 def _add_build(parser: Parser) -> None:
-    add_drive(parser)
+    clouds = ".pcd, .ply, .las, .laz, folder of tiles"
+    add_drive(parser, f"folder of the dataset, a drive.yaml, or a point cloud: {clouds}")
     add_network(parser)
     add_output(parser, "MAP", "the new map")
-    add_metres(parser, "--spacing", 10.0, "metres between places")
+    parser.add_argument(
+        "--spacing",
+        type=number(0, "metres"),
+        metavar="M",
+        help="metres between places (10; 5 in a point cloud without --path)",
+    )
+    _add_cloud(parser)
     parser.add_argument(
         "--precision",
         default="int8",
@@ -61,6 +68,28 @@ def _add_build(parser: Parser) -> None:
         help="keep the places' points, thinned, for `localize --refine`; the map becomes larger",
     )
     parser.runs("deepring.cli.map_command:build")
+
+
+def _add_cloud(parser: Parser) -> None:
+    parser.add_argument(
+        "--path",
+        type=Path,
+        metavar="FILE",
+        help="of a point cloud: poses that were driven, TUM or KITTI; places are put along them",
+    )
+    parser.add_argument(
+        "--height",
+        type=number(0.1, "metres"),
+        metavar="M",
+        help="of a point cloud: metres of the localising sensor above the ground (1.73)",
+    )
+    parser.add_argument(
+        "--fov",
+        type=number(unit="degrees"),
+        nargs=2,
+        metavar=("LOW", "HIGH"),
+        help="of a point cloud: elevations that the sensor sees, degrees (-25 20)",
+    )
 
 
 def _add_calibrate(parser: Parser) -> None:

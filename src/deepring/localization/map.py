@@ -88,6 +88,8 @@ class Map:
         self.thresholds = thresholds or AcceptanceThresholds()
         self.places = PlaceStore(raster)
         self.points = PlacePoints() if points else None
+        self.source = ""
+        """What the places were built from, in words; empty if nobody says."""
 
     def __len__(self) -> int:
         return len(self.places)
@@ -280,6 +282,7 @@ class Map:
             thresholds=self.thresholds,
             shape=self.index.shape,
             names=tuple(self.places.names),
+            source=self.source,
         )
         write_sealed(path, FORMAT, header, tensors)
 
@@ -299,6 +302,7 @@ class Map:
             settings = (header.search, header.rerank, header.thresholds)
             place_map = cls(network, header.ground_z, *settings)
             expect_fitting(network, header)
+            place_map.source = header.source
             place_map.places.restore(tensors["images"], tensors["poses"], header.names)
             place_map.points = PlacePoints.restored(tensors, len(place_map))
             rows, code = under("index.", tensors), under("code.", tensors)
