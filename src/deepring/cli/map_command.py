@@ -1,13 +1,16 @@
 """`deepring map`: build a map of a drive, show one, or calibrate when to trust it."""
 
 import argparse
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deepring.checks import fraction
 from deepring.cli.console import console
+from deepring.cli.looking import expect_lookable, show_scene, write_page
 from deepring.cli.notices import warn
 from deepring.cli.options import expect_new, network_of, open_drive
 from deepring.data.clouds.open_cloud import is_cloud, open_cloud
@@ -21,6 +24,7 @@ from deepring.localization.map import Map
 from deepring.localization.place_points import VOXEL
 from deepring.localization.virtual_scan import VirtualSensor
 from deepring.progress import progress_bar
+from deepring.reports.map_scene import map_scene
 from deepring.search.search_settings import SearchSettings
 from deepring.text import printable
 
@@ -32,6 +36,7 @@ _OF_DRIVES = ("format", "session", "ground_z")
 def build(args: argparse.Namespace) -> None:
     """Build a map of one session, or of a point cloud."""
     expect_new(args.output)
+    expect_lookable(args, args.output)
     cloud = is_cloud(args.root)
     for name in _OF_DRIVES if cloud else _OF_CLOUDS:
         if getattr(args, name) is not None:
@@ -63,6 +68,7 @@ def _build_of_cloud(args: argparse.Namespace) -> None:
     for reason in built.left_out:
         warn(f"{args.root}: left out {reason}")
     show(args.output, built.map)
+    _look(args, args.output, built.map, path, built.left_out)
 
 
 def _build_of_drive(args: argparse.Namespace) -> None:
@@ -84,11 +90,15 @@ def _build_of_drive(args: argparse.Namespace) -> None:
     place_map.save(args.output)
     warn(str(left_out))
     show(args.output, place_map)
+    _look(args, args.output, place_map, session.poses[:, :3, 3], left_out.reasons)
 
 
 def info(args: argparse.Namespace) -> None:
     """Print what a map holds, after a check of every byte."""
-    show(args.map, Map.open(args.map, check=True))
+    expect_lookable(args)
+    place_map = Map.open(args.map, check=True)
+    show(args.map, place_map)
+    _look(args, args.map, place_map)
 
 
 def calibrate_map(args: argparse.Namespace) -> None:
@@ -122,20 +132,41 @@ def calibrate_map(args: argparse.Namespace) -> None:
 
 def show(path: Path, place_map: Map) -> None:
     """Print what a map holds."""
-    console.print(f"map          {path}, {path.stat().st_size / 1e6:.1f} MB")
+    for name, value in _facts(path, place_map):
+        console.print(f"{name:<13}{value}")
+
+
+def _facts(path: Path, place_map: Map) -> Iterator[tuple[str, str]]:
+    """What a map holds, as names and values."""
+    yield "map", f"{path}, {path.stat().st_size / 1e6:.1f} MB"
     if place_map.source:
-        console.print(f"built from   {printable(place_map.source)}")
-    console.print(f"places       {len(place_map)}")
+        yield "built from", printable(place_map.source)
+    yield "places", str(len(place_map))
     if len(place_map):
         size = np.ptp(place_map.places.positions, axis=0)
-        console.print(f"extent       {size[0]:.0f} m x {size[1]:.0f} m")
+        yield "extent", f"{size[0]:.0f} m x {size[1]:.0f} m"
     if place_map.points is not None:
-        console.print(f"points       {place_map.points.count}, one per {VOXEL:g} m of each place")
+        yield "points", f"{place_map.points.count}, one per {VOXEL:g} m of each place"
     settings = place_map.network.settings
     parameters = sum(p.numel() for p in place_map.network.parameters())
-    console.print(f"network      {settings.label}, {parameters} parameters")
-    console.print(f"descriptors  {place_map.index.settings.precision}")
-    console.print(f"ground       {place_map.ground_z:g} m in the scans' frame")
-    console.print(
-        f"trust        fit {place_map.thresholds.fit:g}, ratio {place_map.thresholds.ratio:g}"
-    )
+    yield "network", f"{settings.label}, {parameters} parameters"
+    yield "descriptors", place_map.index.settings.precision
+    yield "ground", f"{place_map.ground_z:g} m in the scans' frame"
+    yield "trust", f"fit {place_map.thresholds.fit:g}, ratio {place_map.thresholds.ratio:g}"
+
+
+def _look(
+    args: argparse.Namespace,
+    file: Path,
+    place_map: Map,
+    path: NDArray[np.float64] | None = None,
+    left_out: Sequence[str] = (),
+) -> None:
+    """Write the page and show the scene that the options ask for; ``path`` (n, 3) was driven."""
+    if args.page is not None:
+        from deepring.reports.map_page import map_page  # draws figures, for which it needs long
+
+        facts = list(_facts(file, place_map))
+        flat = None if path is None else path[:, :2]
+        write_page(args, map_page(place_map, facts, flat, left_out))
+    show_scene(args, lambda: map_scene(place_map, path))

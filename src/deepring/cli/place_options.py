@@ -5,6 +5,7 @@ from pathlib import Path
 from deepring.cli.options import (
     add_drive,
     add_ground,
+    add_looking,
     add_method,
     add_metres,
     add_network,
@@ -27,6 +28,7 @@ def add_map(parser: Parser) -> None:
     shower = add("info", help="show what a map holds", description="Show what a map holds, after "
                  "checking every byte of it.")  # fmt: skip
     shower.add_argument("map", type=Path, metavar="MAP")
+    add_looking(shower)
     shower.runs("deepring.cli.map_command:info")
     _add_calibrate(
         add(
@@ -67,6 +69,7 @@ def _add_build(parser: Parser) -> None:
         action="store_true",
         help="keep the places' points, thinned, for `localize --refine`; the map becomes larger",
     )
+    add_looking(parser)
     parser.runs("deepring.cli.map_command:build")
 
 
@@ -155,6 +158,7 @@ def add_localize(parser: Parser) -> None:
     parser.add_argument(
         "--unchecked", action="store_true", help="do not check every byte of the map"
     )
+    add_looking(parser)
     parser.runs("deepring.cli.localize_command:localize_command", binary="--format")
 
 
@@ -199,6 +203,7 @@ def add_loops(parser: Parser) -> None:
         action="store_true",
         help="close the refined loops in a pose graph (needs deepring[refine,optimize])",
     )
+    add_looking(parser, page=False)
     parser.runs("deepring.cli.loops_command:loops_command", binary="--format")
 
 
