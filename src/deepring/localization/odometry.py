@@ -14,7 +14,7 @@ from deepring.data.poses.stamps import NANOSECONDS
 from deepring.data.scans.point_times import TimedPoints
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError, ConfigError
-from deepring.localization.deskewing import deskewed, motion_per_second
+from deepring.localization.deskewing import deskewed, motion_over
 
 #: Points that a scan needs in range. Real sensors give thousands.
 FEWEST_POINTS = 100
@@ -22,6 +22,8 @@ FEWEST_POINTS = 100
 _AROUND = 40.0
 #: Points of the local map and of the scan that tell the overlap, taken evenly from more.
 _MAP_POINTS, _SCAN_POINTS = 20_000, 500
+#: Periods over which the last velocity is taken for the present one.
+_MOST_PERIODS = 3.0
 #: Scans after which a local map is dense enough for its overlap to tell anything.
 _SETTLED = 5
 
@@ -64,6 +66,7 @@ class Odometry:
         self.settings = settings or OdometrySettings()
         self._library = kiss_icp()
         self._stamp: int | None = None
+        self._seconds: float | None = None  # of the last motion, if it is known
         self._begin(np.eye(4))
 
     def register(self, scan: TimedPoints, stamp: int | None = None) -> OdometryStep:
@@ -88,6 +91,10 @@ class Odometry:
                 f"{inside} points between {low:g} and {high:g} m, expected at least {FEWEST_POINTS}"
             )
         points, moved = self._deskew(scan, stamp)
+        seconds = self._seconds_since(stamp)
+        if seconds is not None and self._seconds is not None:  # scans between may be missing
+            share = min(seconds / self._seconds, _MOST_PERIODS)
+            self._kiss.last_delta = motion_over(np.asarray(self._kiss.last_delta), share)
         predicted = self._kiss.last_pose @ self._kiss.last_delta
         map_points = self._kiss.local_map.point_cloud() if self._scans >= _SETTLED else None
         frame = np.ascontiguousarray(points, dtype=np.float64)
@@ -101,8 +108,7 @@ class Odometry:
             self._begin(self._origin @ predicted)
             self._kiss.register_frame(frame, np.empty(0))
         self._scans += 1
-        self._seconds = self._seconds_since(stamp)
-        self._stamp = stamp
+        self._seconds, self._stamp = seconds, stamp
         pose = self._origin @ np.asarray(self._kiss.last_pose)
         return OdometryStep(pose, points, lost, moved)
 
@@ -111,7 +117,7 @@ class Odometry:
         self._origin = origin
         self._kiss = self._library(self.settings)
         self._scans = 0
-        self._seconds: float | None = None
+        self._seconds = None
 
     def _seconds_since(self, stamp: int | None) -> float | None:
         if stamp is None or self._stamp is None or stamp <= self._stamp:
@@ -123,7 +129,7 @@ class Odometry:
             return scan.points, False
         if self._seconds is None:  # the velocity is not known yet, and taken for 0
             return scan.points, True
-        motion = motion_per_second(np.asarray(self._kiss.last_delta), self._seconds)
+        motion = motion_over(np.asarray(self._kiss.last_delta), 1 / self._seconds)
         return deskewed(scan.points, scan.times, motion), True
 
 
