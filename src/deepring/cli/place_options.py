@@ -153,6 +153,11 @@ def add_localize(parser: Parser) -> None:
         help="output format: %(choices)s (%(default)s)",
     )
     parser.add_argument(
+        "--refine",
+        action="store_true",
+        help="give the whole pose, with its covariance, by the points of a map built with --points",
+    )
+    parser.add_argument(
         "--unchecked", action="store_true", help="do not check every byte of the map"
     )
     parser.runs("deepring.cli.localize_command:localize_command", binary="--format")

@@ -23,6 +23,8 @@ from deepring.localization.map_file import FORMAT, MapHeader, expect_fitting, pr
 from deepring.localization.observation import Observation, described, observed, occupancy
 from deepring.localization.place_points import PlacePoints, thinned_points
 from deepring.localization.place_store import PlaceStore
+from deepring.localization.refined_pose import RefinedPose, refined_pose
+from deepring.localization.refinement import RefinementSettings
 from deepring.localization.rivals import fit_elsewhere
 from deepring.localization.scan_points import scan_points
 from deepring.methods.deepring import DeepRing
@@ -157,6 +159,30 @@ class Map:
         """
         self._expect_places(before)
         return self.localize_observation(self.observe([points], ground_z), before)
+
+    def refine(
+        self,
+        points: Any,
+        location: Location,
+        ground_z: float | None = None,
+        settings: RefinementSettings | None = None,
+    ) -> RefinedPose:
+        """The whole pose of a scan that was located, with its covariance, by the map's points.
+
+        The scan's points (n, 3) are registered on those of the location's place and the places
+        around. A location that is not trusted is refined too, and stays a doubt.
+
+        Args:
+            points: the scan, as in `localize`.
+            location: what `localize` gave.
+            ground_z: see `localize`.
+            settings: the registration.
+
+        Raises DataError for a map without points (``Map(points=True)``) and as `localize` does for
+        a scan, and ConfigError if small_gicp is not installed.
+        """
+        checks.of_type("location", location, Location)
+        return refined_pose(self, points, location, ground_z, settings or RefinementSettings())
 
     def observe(self, scans: Iterable[Any], ground_z: float | None = None) -> Observation:
         """Images and descriptors of scans, for `add_observation` and `localize_observation`.
