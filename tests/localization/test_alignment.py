@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deepring.errors import DeepringError
-from deepring.localization.alignment import (
-    AlignmentSettings,
-    _correlate,
-    align,
+from deepring.localization.alignment import align
+from deepring.localization.alignment_settings import AlignmentSettings
+from deepring.localization.image_correlation import (
+    correlations,
     half_whitened,
     occupied_cells,
     turned_images,
@@ -99,11 +99,11 @@ def test_the_correlation_is_the_direct_sum_over_shifts():
     whole = [torch.fft.irfft2(s, s=(16, 16)) * 16 for s in half_whitened(images, small)]
     assert float(whole[0].square().sum()) == pytest.approx(1.0, abs=1e-5)
     cells = occupied_cells(images[1], small)
-    curves = _correlate(cells, half_whitened(images[:1], small), torch.zeros(1), small)[0]
-    assert curves.shape == (7, 7)
+    curves = correlations(cells, half_whitened(images[:1], small), torch.zeros(1), small)[0]
+    assert curves.shape == (16, 16)
     for i, j in itertools.product(range(-3, 4), repeat=2):
         direct = float((whole[0] * whole[1].roll((i, j), dims=(0, 1))).sum())
-        assert float(curves[i + 3, j + 3]) == pytest.approx(direct, abs=1e-5)
+        assert float(curves[i, j]) == pytest.approx(direct, abs=1e-5)
 
 
 def test_turning_moves_every_cell_where_trigonometry_says():

@@ -7,14 +7,15 @@ import pytest
 import torch
 
 from deepring.errors import DeepringError
-from deepring.localization.alignment import Alignment
+from deepring.localization.alignment import Alignment, align, world_positions
 from deepring.localization.candidates import (
     RerankSettings,
     align_candidates,
     by_pose,
     spread_out,
 )
-from deepring.localization.location import best_fit, world_positions
+from deepring.localization.image_correlation import half_whitened, occupied_cells
+from deepring.localization.location import best_fit
 from deepring.rasters.bev import bev_occupancy
 from helpers.scenes import scattered
 
@@ -58,6 +59,44 @@ def test_the_query_is_located_and_its_nearest_place_comes_first(drive):
     mirrored = poses[shuffled] * torch.tensor([1.0, 1.0, -1.0])
     wrong = best_fit(alignment, mirrored, SETTINGS)
     assert np.hypot(*(wrong.position.numpy() - at[:2])) > 2
+
+
+def all_at_full_resolution(image, turn, maps):
+    settings = SETTINGS.alignment
+    both = torch.stack([turn, turn + math.pi], dim=1)
+    cells = occupied_cells(image, settings)
+    return align(cells, half_whitened(maps, settings), both, settings)
+
+
+@pytest.mark.parametrize("x", [70.0, 126.0, 158.0])
+@pytest.mark.parametrize("opposite", [0.0, math.pi])
+def test_coarse_to_fine_names_what_the_full_resolution_of_all_names(drive, x, opposite):
+    _, maps, poses, _, _ = drive
+    at = (x, -2.0, 0.9)
+    image = seen_from(street(), *at)
+    turn = (poses[:, 2] - at[2] + opposite).float()
+    ours = align_candidates(image, turn, maps, SETTINGS, poses)
+    full = all_at_full_resolution(image, turn, maps)
+    best, reference = best_fit(ours, poses, SETTINGS), best_fit(full, poses, SETTINGS)
+    assert best.candidate == reference.candidate
+    assert best.fit == pytest.approx(reference.fit, rel=1e-3)
+    assert best.ratio == pytest.approx(reference.ratio, rel=0.05)
+    torch.testing.assert_close(best.position, reference.position, atol=0.05, rtol=0)
+    assert ours.turn[best.candidate] == pytest.approx(float(full.turn[best.candidate]), abs=2e-3)
+    without = align_candidates(image, turn, maps, SETTINGS)
+    assert by_pose(without, SETTINGS)[0] == by_pose(full, SETTINGS)[0]
+
+
+def test_estimates_never_exceed_what_the_full_resolution_gives(drive):
+    image, maps, poses, turn, _ = drive
+    many = maps.repeat(4, 1, 1)
+    many[8:] = many[8:].flip(1)  # mirrored: they fit nowhere
+    ours = align_candidates(image, turn.repeat(4), many, SETTINGS, poses.repeat(4, 1))
+    full = all_at_full_resolution(image, turn.repeat(4), many)
+    exact = (ours.score - full.score).abs() < 1e-3
+    assert 5 <= int(exact.sum()) < 32  # some are estimated
+    assert ours.score[~exact].max() <= ours.score[exact].min() + 1e-6
+    assert int(ours.score.argmax()) == int(full.score.argmax())
 
 
 def test_without_yaws_the_whole_turn_is_tried(drive):

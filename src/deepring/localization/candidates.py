@@ -8,17 +8,27 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from deepring import checks
 from deepring.localization.alignment import (
     Alignment,
-    AlignmentSettings,
     align,
-    half_whitened,
-    occupied_cells,
+    align_coarsely,
+    world_positions,
 )
+from deepring.localization.alignment_settings import AlignmentSettings
+from deepring.localization.image_correlation import half_whitened, occupied_cells
+
+#: Candidates that are aligned at the full resolution: the best at half of it, and the best of those
+#: that contradict the very best. On four simulated drives (campuses and cities 110 and 111) they
+#: name the same place as all 25 at the full resolution in each query.
+_BEST, _RIVALS = 3, 3
+
+#: Candidates that fit at half the resolution fit by this share of what is asked at the full one.
+_ALLOWANCE = 0.85
 
 #: Pixels of the transforms of all candidates of a query.
 _PIXELS = 2**25
@@ -50,9 +60,16 @@ class RerankSettings:
 
 
 def align_candidates(
-    image: Tensor, turn: Tensor | None, places: Tensor, settings: RerankSettings
+    image: Tensor,
+    turn: Tensor | None,
+    places: Tensor,
+    settings: RerankSettings,
+    poses: Tensor | None = None,
 ) -> Alignment:
-    """Align a query with its candidates.
+    """Align a query with its candidates, from coarse to fine.
+
+    All are aligned at half the resolution, and those at the full one that may fit or contradict
+    the one that does. The scores of the others are estimates, none larger than theirs.
 
     Args:
         image: (n, n) occupancy of the query.
@@ -60,6 +77,8 @@ def align_candidates(
             its opposite are tried. None tries turns all around.
         places: (k, n, n) occupancy of the candidates.
         settings: how candidates are aligned.
+        poses: (k, 3) of the candidates: x, y and yaw in the world, metres and radians. They tell
+            which candidates contradict each other.
     """
     alignment = settings.alignment
     if turn is None or torch.isnan(turn).any():
@@ -68,7 +87,32 @@ def align_candidates(
     else:
         trial_turns = torch.stack([turn, turn + math.pi], dim=1)
     cells = occupied_cells(image, alignment)
-    return align(cells, half_whitened(places, alignment), trial_turns, alignment)
+    coarse = align_coarsely(cells, places, trial_turns, alignment)
+    rows = _promising(coarse, poses, settings)
+    spectra = half_whitened(places[rows], alignment)
+    fine = align(cells, spectra, coarse.turn[rows, None], alignment)
+    # Between two resolutions scores differ by a factor, the least for those that fit nowhere.
+    factor = (fine.score / coarse.score[rows].clamp_min(1e-12)).min()
+    coarse.score.mul_(factor).clamp_(max=fine.score.min())
+    for whole, part in zip(coarse, fine, strict=True):
+        whole[rows] = part
+    return coarse
+
+
+def _promising(coarse: Alignment, poses: Tensor | None, settings: RerankSettings) -> Tensor:
+    """Indices of the candidates that are worth the full resolution: those that may fit, and the
+    best of those that contradict the best."""
+    score = coarse.score
+    order = score.argsort(descending=True, stable=True)
+    fits = score >= settings.close * score[order[0]]
+    fits[order[:_BEST]] = True
+    if poses is None:  # the nearest of all that fit is asked for
+        fits |= score >= _ALLOWANCE * settings.close * score[order[0]]
+    else:
+        positions = world_positions(coarse.position, poses)
+        away = torch.linalg.vector_norm(positions - positions[order[0]], dim=-1) > settings.apart
+        fits[order[away[order]][:_RIVALS]] = True
+    return fits.nonzero()[:, 0]
 
 
 def spread_out(positions: Tensor, settings: RerankSettings) -> Tensor:
@@ -76,13 +120,15 @@ def spread_out(positions: Tensor, settings: RerankSettings) -> Tensor:
 
     A position is selected if it lies at least ``spread`` metres from all selected before it.
     """
-    away = torch.cdist(positions, positions)
+    points = positions.cpu().numpy().astype(np.float64)
     selection: list[int] = []
-    for k in range(len(positions)):
-        if len(selection) == settings.candidates:
-            break
-        if not selection or bool((away[k, selection] >= settings.spread).all()):
-            selection.append(k)
+    free = np.ones(len(points), dtype=np.bool_)
+    while free.any() and len(selection) < settings.candidates:
+        k = int(free.argmax())
+        selection.append(k)
+        away = np.hypot(*(points - points[k]).T)
+        free &= away >= settings.spread
+        free[k] = False
     return torch.tensor(selection, dtype=torch.int64)
 
 

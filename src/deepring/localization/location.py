@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring.errors import ConfigError
-from deepring.localization.alignment import Alignment
+from deepring.localization.alignment import Alignment, world_positions
 from deepring.localization.candidates import RerankSettings
 
 F = TypeVar("F", float, NDArray[np.float64])
@@ -151,11 +151,3 @@ def best_fit(
     rival = float(fit[away].max()) if bool(comparable.any()) else 0.0
     ratio = float(fit[best]) / rival if rival > 0 else math.inf
     return BestFit(best, positions[best], float(fit[best]), ratio)
-
-
-def world_positions(position: Tensor, poses: Tensor) -> Tensor:
-    """Positions (k, 2) in the frames of planar poses (k, 3) as positions in the world (k, 2)."""
-    cosine, sine = torch.cos(poses[:, 2]), torch.sin(poses[:, 2])
-    x = poses[:, 0] + cosine * position[:, 0] - sine * position[:, 1]
-    y = poses[:, 1] + sine * position[:, 0] + cosine * position[:, 1]
-    return torch.stack([x, y], dim=-1)

@@ -196,7 +196,7 @@ class Map:
         rows = spread_out(poses[:, :2], self.rerank)
         places, poses = hits.place[0, rows], poses[rows]
         image, images = torch.from_numpy(scan.images[0]), self.places.images(places)
-        alignment = align_candidates(image, hits.turn[0, rows], images, self.rerank)
+        alignment = align_candidates(image, hits.turn[0, rows], images, self.rerank, poses)
         counts = images.sum(dim=(1, 2))
         best = best_fit(alignment, poses, self.rerank, counts)
         candidate = best.candidate
