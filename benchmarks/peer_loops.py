@@ -6,12 +6,13 @@ its odometry. A closure is right where the pose that it states is less than 2 m 
 the drive's poses: of two keyframes, or of two local maps' origins. A keyframe revisits where it is
 within 10 m of one at least 50 m of path before; a local map revisits where one of its keyframes
 does. Recall is the share of revisiting keyframes that have a right loop, or lie in a local map that
-has one.
+has one. In reach are those whose place lies in a local map that map-closures may propose.
 """
 
 import importlib.util
 import time
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,9 @@ from deepring.data.spacing import path_lengths
 from deepring.localization.loops import LOOP_THRESHOLDS, LoopGraph, LoopSettings, find_loops
 from deepring.localization.map import Map
 from deepring.methods.deepring import DeepRing
+
+#: map-closures never proposes the three local maps before the present one.
+SKIPPED = 3
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,8 @@ class LoopRow:
     """Of those that revisit."""
     maps_found: Share | None
     """Of the local maps that revisit."""
+    in_reach: Share | None
+    """Of the keyframes that revisit a local map that map-closures may propose."""
     ms: float
     """Processor time of a keyframe or a local map."""
     seconds: float
@@ -75,20 +81,19 @@ def measured_loops(name: str, root: str, network: DeepRing) -> list[LoopRow]:
         started = time.process_time()
         closures, borders = map_closures(session)
         seconds = time.process_time() - started
-        scans = graph.scans[revisiting]
+        scans = {int(graph.scans[k]): graph.scans[past] for k, past in revisiting.items()}
         rows.append(closures_row(name, session, closures, borders, scans, seconds))
     return rows
 
 
-def revisits(positions: np.ndarray, path: np.ndarray, recent: float) -> np.ndarray:
-    """Mask (n,) of the keyframes within 10 m of one at least ``recent`` metres of path before."""
-    past = np.searchsorted(path, path - recent)
-    return np.array(
-        [
-            bool((np.linalg.norm(positions[:until] - here, axis=1) <= NEAR).any())
-            for here, until in zip(positions, past, strict=True)
-        ]
-    )
+def revisits(positions: np.ndarray, path: np.ndarray, recent: float) -> dict[int, np.ndarray]:
+    """Keyframes within 10 m of others at least ``recent`` metres of path before, with these."""
+    found = {}
+    for k, until in enumerate(np.searchsorted(path, path - recent)):
+        away = np.linalg.norm(positions[:until] - positions[k], axis=1)
+        if (away <= NEAR).any():
+            found[k] = np.flatnonzero(away <= NEAR)
+    return found
 
 
 def map_closures(session: Session) -> tuple[list[Closure], list[tuple[int, int]]]:
@@ -126,10 +131,10 @@ def closures_row(
     session: Session,
     closures: list[Closure],
     borders: list[tuple[int, int]],
-    revisiting: np.ndarray,
+    revisiting: dict[int, np.ndarray],
     seconds: float,
 ) -> LoopRow:
-    """Closures of local maps beside the poses; ``revisiting`` are numbers of scans."""
+    """Closures of local maps beside the poses; ``revisiting`` as of `revisits`, in scans."""
     right, beside, found = [], [], set()
     for earlier, later, pose in closures:
         a, b = (session.poses[borders[k][0]] for k in (earlier, later))
@@ -139,9 +144,15 @@ def closures_row(
         if right[-1]:
             found.add(later)
     # A scan on the border of two maps ends the first and begins the second.
-    where = np.searchsorted([end for _, end in borders], revisiting, side="right")
-    held = sum(int(m) in found for m in where)
-    maps = {int(m) for m in where}
+    map_of = partial(np.searchsorted, [end for _, end in borders], side="right")
+    where = {scan: int(map_of(scan)) for scan in revisiting}
+    held = sum(one in found for one in where.values())
+    reach = [
+        where[scan] in found
+        for scan, past in revisiting.items()
+        if (where[scan] - map_of(past) > SKIPPED).any()
+    ]
+    maps = set(where.values())
     return LoopRow(
         name,
         "map-closures",
@@ -151,6 +162,7 @@ def closures_row(
         Share(int(np.sum(beside)), len(beside)),
         Share(held, len(revisiting)),
         Share(len(maps & found), len(maps)),
+        Share(sum(reach), len(reach)),
         round(seconds / len(borders) * 1e3, 1),
         round(seconds, 1),
     )
@@ -161,13 +173,13 @@ def _deepring_row(
     graph: LoopGraph,
     path: np.ndarray,
     settings: LoopSettings,
-    revisiting: np.ndarray,
+    revisiting: dict[int, np.ndarray],
     seconds: float,
 ) -> LoopRow:
     trials = trials_of(graph, path[graph.scans], settings.recent)
     right, beside = trials.correct(RIGHT), trials.correct(BESIDE)
     closed = np.array([loop.keyframe for loop in graph.loops], dtype=np.int64)
-    held = np.isin(np.flatnonzero(revisiting), closed[right])
+    held = np.isin(list(revisiting), closed[right])
     return LoopRow(
         name,
         "deepring",
@@ -176,6 +188,7 @@ def _deepring_row(
         Share(int(right.sum()), len(right)),
         Share(int(beside.sum()), len(beside)),
         Share(int(held.sum()), len(held)),
+        None,
         None,
         round(seconds / len(graph.scans) * 1e3, 1),
         round(seconds, 1),

@@ -7,6 +7,7 @@ is the processor time from these points to the pose. Success is less than 2 m an
 import importlib.util
 import itertools
 import math
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -64,6 +65,7 @@ def measured_pairs(name: str, root: str, network: DeepRing, count: int) -> list[
     rng, rows = np.random.default_rng(0), []
     warm = True
     for low, high in BINS:
+        print(f"{name}: pairs {low} to {high} m apart", file=sys.stderr, flush=True)
         found: dict[str, list[tuple[float, float, float]]] = {method: [] for method in tried}
         for j, k in itertools.islice(pairs(first, second, low, high, rng), count):
             turn = float(rng.uniform(0, 2 * math.pi))

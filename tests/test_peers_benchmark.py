@@ -94,9 +94,11 @@ def test_a_keyframe_revisits_the_past_alone(benchmark):
     there = np.arange(0.0, 100.0, 10.0)
     positions = np.column_stack([np.concatenate([there, there[::-1]]), np.zeros(20)])
     path = np.arange(20) * 10.0
+    found = revisits(positions, path, 50.0)
     # One comes back to within 10 m of what was driven 50 m of path before: from the 13th on.
-    assert revisits(positions, path, 50.0).tolist() == [k >= 12 for k in range(20)]
-    assert not revisits(positions, path, 500.0).any()
+    assert list(found) == list(range(12, 20))
+    assert found[12].tolist() == [6]
+    assert not revisits(positions, path, 500.0)
 
 
 def drive():
@@ -108,7 +110,7 @@ def drive():
     return Session("road", tuple(range(len(x))), poses, poses[:, :2, 3], None, lambda _: None)
 
 
-def test_local_maps_that_revisit_are_found_by_right_closures(benchmark):
+def test_local_maps_that_revisit_are_found_by_right_closures(benchmark, monkeypatch):
     loops = benchmark("peer_loops")
     session = drive()
     borders = [(0, 26), (25, 50), (49, 75), (74, 100)]
@@ -119,9 +121,13 @@ def test_local_maps_that_revisit_are_found_by_right_closures(benchmark):
         loops.Closure(1, 2, true(25, 49) @ off),  # right to 4 m
         loops.Closure(0, 2, np.linalg.inv(true(0, 49))),  # misread
     ]
-    revisiting = np.arange(60, 100)
+    revisiting = {k: np.array([99 - k]) for k in range(60, 100)}
     row = loops.closures_row("road", session, closures, borders, revisiting, 2.0)
     assert (row.loops, row.of, row.ms) == (3, "4 local maps", 500.0)
     assert (row.right.good, row.right_to_4_m.good) == (1, 2)
     assert (row.keyframes_found.good, row.keyframes_found.of) == (25, 40)
     assert (row.maps_found.good, row.maps_found.of) == (1, 2)
+    assert row.in_reach.of == 0  # the last may be compared with none: all are among three before
+    monkeypatch.setattr(loops, "SKIPPED", 2)
+    row = loops.closures_row("road", session, closures, borders, revisiting, 2.0)
+    assert (row.in_reach.good, row.in_reach.of) == (25, 25)
