@@ -18,6 +18,7 @@ from deepring.localization.calibration import Tolerance, calibrate, trials_of
 from deepring.localization.cloud_map import map_of_cloud
 from deepring.localization.location import Location
 from deepring.localization.map import Map
+from deepring.localization.map_building import build_map
 from deepring.localization.place_points import VOXEL
 from deepring.localization.virtual_scan import VirtualSensor
 from deepring.progress import progress_bar
@@ -70,7 +71,7 @@ def _build_of_drive(args: argparse.Namespace) -> None:
     session, ground_z = open_drive(args)
     left_out = LeftOut()
     with progress_bar(f"{session.name}: describing places") as bar:
-        place_map = Map.build(
+        place_map = build_map(
             session,
             network,
             10.0 if args.spacing is None else args.spacing,
