@@ -168,8 +168,8 @@ def test_two_maps_are_put_together(place_map, tiny_nclt, checkpoint, second, tmp
     refused(here("map", "merge", place_map, "absent.map", "-o", "c.map"), "absent.map")
 
 
-def test_a_map_of_one_place_cannot_tell_other_places(second, tmp_path, here):
-    """Nothing is compared there: a wrong scan's fit of 0.21 to 0.26 was enough for trust."""
+def test_a_map_of_one_place_tells_other_places(tmp_path, here):
+    """Nothing else is compared there: a wrong scan's fit of 0.21 to 0.26 was enough for trust."""
     place_map = Map(load_network("shipped").method)
     place_map.add([scattered(0)], np.eye(4)[None], ["a"])
     fits = [place_map.localize(scattered(seed)).fit for seed in range(1, 9)]
@@ -183,14 +183,18 @@ def test_a_map_of_one_place_cannot_tell_other_places(second, tmp_path, here):
         for line in here("localize", "one.map", "scans", "--as", "json").stdout.splitlines()
     ]
     assert [row["trusted"] for row in rows] == [True, *[False] * 8]
-    assert [row["doubt"] for row in rows] == [None, *["no rival"] * 8]
-    assert {row["ratio"] for row in rows} == {None}
-    table = here("localize", "one.map", "scans").stdout
-    assert table.count("cannot tell: no rival") == 8
+    doubts = [row["doubt"] for row in rows]
+    assert doubts == [None, *["ratio"] * 8]
+    assert all(0.5 < row["ratio"] < 1.41 for row in rows[1:])
+    # 672 cells ask for a fit of 0.15, whatever the thresholds.
+    place_map.thresholds = AcceptanceThresholds(fit=min(fits), ratio=0.0)
+    place_map.save(tmp_path / "any.map")
+    table = here("localize", "any.map", "scans").stdout
+    assert table.count("cannot tell: few cells") == 8
     csv_rows = csv.DictReader(
         io.StringIO(here("localize", "one.map", "scans", "--as", "csv").stdout)
     )
-    assert [row["doubt"] for row in csv_rows] == ["", *["no rival"] * 8]
+    assert [row["doubt"] for row in csv_rows] == ["", *doubts[1:]]
 
 
 def test_a_precision_that_is_no_share_is_refused_before_anything_is_read(here):
@@ -350,18 +354,27 @@ def test_loops_are_written_for_back_ends(tiny_nclt, checkpoint, tmp_path, here):
     options = ["--checkpoint", checkpoint, "--session", "2031-02-04", "--spacing", 8]
     done = here("loops", tiny_nclt, *options, "-o", "out/drive")
     assert done.returncode == 0, done.stderr
-    written = {path.name: path.read_text() for path in (tmp_path / "out").iterdir()}
-    assert set(written) == {"drive.g2o", "drive.tum", "drive.json"}
-    keyframes = len(json.loads(written["drive.json"])["scans"])
-    assert written["drive.g2o"].count("VERTEX_SE2") == keyframes
-    assert len(written["drive.tum"].splitlines()) == keyframes
-    refined = here("loops", tiny_nclt, *options, "--refine", "-o", "fine/drive")
+    written = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    trajectory = {"drive_odometry.tum", "drive_odometry.kitti"}
+    others = {"drive.g2o", "drive.loops.txt", "drive.json", "drive.png", "drive.html"}
+    assert set(written) == trajectory | others
+    found = json.loads(written["drive.json"])
+    assert found["poses"] == "given"
+    keyframes = len(found["scans"])
+    assert written["drive.g2o"].count(b"VERTEX_SE3:QUAT") == keyframes
+    session = open_nclt(tiny_nclt, "2031-02-04")
+    rows = [line.split() for line in written["drive_odometry.tum"].decode().splitlines()]
+    seconds = [int(row[0].replace(".", "")) for row in rows]
+    assert seconds == session.stamps.tolist()
+    refined = here("loops", tiny_nclt, *options, "--optimize", "-o", "fine/drive")
+    assert refined.returncode == 0, refined.stderr
     assert "refined" in refined.stdout
-    assert (tmp_path / "fine" / "drive.g2o").read_text().count("VERTEX_SE2") == keyframes
+    assert (tmp_path / "fine" / "drive_optimized.tum").read_text().count("\n") == len(rows)
     refused(here("loops", tiny_nclt, *options, "-o", "out/drive"), "exists")
     wrong = [*options, "--recent", 0]
     refused(here("loops", tiny_nclt, *wrong, "-o", "b"), "recent")
-    assert not list(tmp_path.glob("b.*"))
+    refused(here("loops", tiny_nclt, *options, "--every", 2, "-o", "b"), "--every: 2")
+    assert not list(tmp_path.glob("b*"))
 
 
 def test_a_network_is_exported_once(checkpoint, tmp_path, here):
@@ -513,3 +526,36 @@ def test_a_network_is_evaluated_on_a_custom_drive(custom_drive, checkpoint, here
     done = here("evaluate", f"checkpoint={checkpoint}", *options)
     assert done.returncode == 0, done.stderr
     assert "Recall@1" in done.stdout
+
+
+def test_consecutive_scans_are_joined(place_map, second, tmp_path, here, monkeypatch):
+    """As files of a folder and as a bag; the last scan has company, the first one none."""
+    step = np.float32([0.5, 0, 0])
+    clouds = [scattered(0, n=9000) - k * step for k in range(3)]
+    half = [cloud[cloud[:, 1] * (-1) ** k > -2] for k, cloud in enumerate(clouds)]
+    (tmp_path / "scans").mkdir()
+    for k, cloud in enumerate(half):
+        np.save(tmp_path / "scans" / f"{k}.npy", cloud)
+    bag = write_bag(tmp_path, "mcap", {"/points": [message(cloud) for cloud in half]})
+    whole = Map(load_network("shipped").method)
+    whole.add([clouds[0]], np.eye(4)[None], ["a"])
+    whole.save(tmp_path / "whole.map")
+
+    def rows(*options):
+        done = here("localize", "whole.map", *options, "--as", "json")
+        assert done.returncode == 0, done.stderr
+        return [json.loads(line) for line in done.stdout.splitlines()], done.stderr
+
+    alone, _ = rows("scans")
+    joined, said = rows("scans", "--accumulate", 3)
+    assert joined[0] == alone[0]
+    assert joined[2]["fit"] > alone[2]["fit"]
+    assert math.hypot(joined[2]["x"] - 1.0, joined[2]["y"]) < 0.5
+    assert "warning" not in said
+    of_bag, _ = rows(bag, "--accumulate", 3)
+    assert [row["fit"] for row in of_bag] == [row["fit"] for row in joined]
+    np.save(tmp_path / "scans" / "3.npy", scattered(7, n=9000))
+    assert "1 scans do not overlap" in rows("scans", "--accumulate", 3)[1]
+    monkeypatch.setitem(sys.modules, "kiss_icp.kiss_icp", None)
+    refused(here("localize", "no.map", "scans", "--accumulate", 2), "deepring[odometry]")
+    assert rows("scans")[0][:3] == alone

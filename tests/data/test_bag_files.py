@@ -36,7 +36,7 @@ def test_scans_come_with_the_stamps_of_their_headers(kind, tmp_path):
 def test_layouts_survive_the_bag(kind, tmp_path):
     cloud = message(SCANS[0], width=8, big=True, before=3, after=5, row_padding=6, rows=4)
     path = write_bag(tmp_path, kind, {"/points": [cloud]}, stamped=False)
-    ((stamp, read),) = bag_scans(path)
+    ((stamp, read, _),) = bag_scans(path)
     assert np.array_equal(read(), SCANS[0])
     assert stamp == START + 7  # that of the recording
 

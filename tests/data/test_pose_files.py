@@ -1,6 +1,5 @@
 """Pose files of every reader: marks and line ends, wrong tables, and poses that are none."""
 
-import json
 from decimal import Decimal
 
 import numpy as np
@@ -13,8 +12,7 @@ from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.poses.pose_tables import read_table, stamped_rows
 from deepring.data.readers import list_sessions, open_session
 from deepring.errors import DeepringError, FileError
-from deepring.localization.graph_files import json_text, tum_lines
-from deepring.localization.loops import LoopGraph
+from deepring.localization.trajectory_files import tum_lines
 
 STAMP = 1691936557946849179  # not representable as seconds in float64
 COUNT = 6
@@ -153,17 +151,12 @@ def test_seconds_are_exact_nanoseconds(tmp_path, write):
     np.testing.assert_array_equal(session.stamps, STAMPS)
 
 
-def test_a_loop_graphs_files_have_the_stamps_of_its_scans(tmp_path):
-    graph = LoopGraph(np.arange(COUNT), POSES, STAMPS, [])
+def test_a_trajectory_that_is_written_has_the_stamps_of_its_scans(tmp_path):
     format, root = tum(tmp_path, POSES)
-    (tmp_path / "drive.tum").write_text("\n".join(tum_lines(graph)))
+    (tmp_path / "drive.tum").write_text("\n".join(tum_lines(POSES, STAMPS)))
     again = opened(format, root)
     np.testing.assert_array_equal(again.stamps, STAMPS)
     np.testing.assert_allclose(again.poses, POSES, atol=2e-9)
-
-    assert json.loads(json_text(graph))["stamps"] == STAMPS.tolist()
-    unstamped = LoopGraph(np.arange(COUNT), POSES, None, [])
-    assert json.loads(json_text(unstamped))["stamps"] is None
 
 
 def scaled(poses, factor):

@@ -15,11 +15,14 @@ from deepring.data.readers.nclt import open_nclt
 from deepring.data.session import Session
 from deepring.errors import DeepringError
 from deepring.localization.candidates import RerankSettings
-from deepring.localization.graph_files import g2o_lines, json_text, tum_lines
+from deepring.localization.drive_result import DriveResult, result_json
+from deepring.localization.graph_files import g2o_lines, loop_lines
 from deepring.localization.location import AcceptanceThresholds
-from deepring.localization.loops import LOOP_THRESHOLDS, Loop, LoopGraph, LoopSettings, find_loops
+from deepring.localization.loop_graph import Loop, LoopGraph, Track
+from deepring.localization.loops import LOOP_THRESHOLDS, LoopSettings, find_loops
 from deepring.localization.map import Map
 from deepring.localization.refinement import RefinementSettings
+from deepring.localization.trajectory_files import kitti_lines, tum_lines
 from helpers.networks import small_network
 
 SETTINGS = LoopSettings(spacing=10.0, recent=40.0)
@@ -121,44 +124,72 @@ def square():
     """Four keyframes around a square, and a loop from the last to the first."""
     yaws = np.arange(4) * math.pi / 2
     places = np.array([[0, 0, 1], [10, 0, 1], [10, 10, 1], [0, 10, 1]], float)
-    poses = pose_from(rotation_from_rpy(0, 0, yaws), places)
-    loop = Loop(3, 0, 0.5, 10.0, -math.pi / 2, 0.4, math.inf)
-    stamps = np.arange(4) * 1_500_000_000
+    poses = pose_from(rotation_from_rpy(0.02, -0.03, yaws), places)
+    transform = pose_from(rotation_from_rpy(0.01, 0.02, -math.pi / 2), [0.5, 10.0, 0.1])
+    factor = np.random.default_rng(0).normal(size=(6, 6))
+    covariance = 1e-3 * (factor @ factor.T + np.eye(6))
+    loop = Loop(3, 0, transform, 0.4, math.inf, covariance=covariance)
+    stamps = 1_567_496_784_952_532_897 + np.arange(4) * 1_500_000_001
     return LoopGraph(np.array([0, 5, 9, 12]), poses, stamps, [loop])
 
 
-def test_g2o_states_the_second_in_the_frame_of_the_first(square):
-    lines = [line.split() for line in g2o_lines(square)]
-    assert [line[0] for line in lines] == ["VERTEX_SE2"] * 4 + ["EDGE_SE2"] * 4
-    poses = {int(line[1]): np.array(line[2:], float) for line in lines[:4]}
-    for line in lines[4:7]:
-        first, second = int(line[1]), int(line[2])
-        x, y, yaw = map(float, line[3:6])
-        x0, y0, yaw0 = poses[first]
-        c, s = math.cos(yaw0), math.sin(yaw0)
-        reached = [x0 + c * x - s * y, y0 + s * x + c * y]
-        assert np.allclose(reached, poses[second][:2], atol=1e-5)
-        assert math.cos(yaw0 + yaw - poses[second][2]) == pytest.approx(1)
-    assert lines[7][1:6] == ["0", "3", "0.500000", "10.000000", f"{-math.pi / 2:.8f}"]
-    information = np.array(lines[7][6:], float)
-    assert (information[[0, 3, 5]] > 0).all()
-    assert len(information) == 6
+def test_g2o_is_what_gtsam_reads(square, tmp_path):
+    gtsam = pytest.importorskip("gtsam")
+    (tmp_path / "a.g2o").write_text("\n".join(g2o_lines(square)))
+    factors, values = gtsam.readG2o(str(tmp_path / "a.g2o"), True)
+    for k, pose in enumerate(square.poses):
+        np.testing.assert_allclose(values.atPose3(k).matrix(), pose, atol=1e-8)
+    edges = [factors.at(k) for k in range(factors.size())]
+    for k, edge in enumerate(edges[:3]):
+        assert list(edge.keys()) == [k, k + 1]
+        expected = np.linalg.inv(square.poses[k]) @ square.poses[k + 1]
+        np.testing.assert_allclose(edge.measured().matrix(), expected, atol=1e-8)
+    [loop] = square.loops
+    assert list(edges[3].keys()) == [0, 3]  # the keyframe in the earlier one's frame
+    np.testing.assert_allclose(edges[3].measured().matrix(), loop.transform, atol=1e-8)
+    # Rotation comes first there, and translation first in the file.
+    order = [3, 4, 5, 0, 1, 2]
+    information = np.linalg.inv(loop.covariance)
+    read = edges[3].noiseModel().information()
+    np.testing.assert_allclose(read, information[np.ix_(order, order)], rtol=1e-6)
+    assert not np.allclose(read, information, rtol=0.1)
 
 
-def test_tum_has_seconds_and_quaternions(square):
-    rows = np.array([line.split() for line in tum_lines(square)], float)
-    assert np.allclose(rows[:, 0], [0, 1.5, 3.0, 4.5])
+def test_loops_are_rows_of_numbers(square, tmp_path):
+    (tmp_path / "a.txt").write_text("\n".join(loop_lines(square.loops)))
+    row = np.loadtxt(tmp_path / "a.txt")
+    assert row[:2].tolist() == [0, 3]
+    np.testing.assert_allclose(row[2:].reshape(4, 4), square.loops[0].transform, atol=1e-9)
+
+
+def test_trajectories_have_exact_stamps_and_quaternions(square):
+    lines = list(tum_lines(square.poses, square.stamps))
+    assert [line.split()[0] for line in lines][:2] == [
+        "1567496784.952532897",
+        "1567496786.452532898",
+    ]
+    rows = np.array([line.split() for line in lines], float)
     assert np.allclose(rows[:, 1:4], square.poses[:, :3, 3])
     assert np.allclose(Rotation.from_quat(rows[:, 4:]).as_matrix(), square.poses[:, :3, :3])
-    unstamped = LoopGraph(square.scans, square.poses, None, [])
-    assert [line.split()[0] for line in tum_lines(unstamped)][1] == "1.000000000"
+    unstamped = tum_lines(square.poses, None)
+    assert [line.split()[0] for line in unstamped][1] == "1.000000000"
+    rows = np.array([line.split() for line in kitti_lines(square.poses)], float)
+    assert np.allclose(rows.reshape(-1, 3, 4), square.poses[:, :3])
 
 
 def test_json_names_scans_and_knows_no_infinity(square):
-    read = json.loads(json_text(square))
-    assert read["scans"] == [0, 5, 9, 12]
+    names = [f"{k}.bin" for k in range(13)]
+    track = Track("a", np.arange(100, 113), names, np.tile(np.eye(4), (13, 1, 1)), None)
+    read = json.loads(result_json(DriveResult(track, square, -1.5)))
+    assert read["scans"] == [100, 105, 109, 112]
+    assert read["rows"] == [0, 5, 9, 12]
+    assert read["names"][1] == "5.bin"
+    assert read["stamps"] == square.stamps.tolist()
+    assert read["stamps"][0] == 1_567_496_784_952_532_897
     assert read["loops"][0]["keyframe"] == 3
     assert read["loops"][0]["ratio"] is None
+    np.testing.assert_allclose(read["loops"][0]["transform"], square.loops[0].transform)
+    assert read["errors"] == {}
 
 
 def test_mistakes_are_named(there_and_back):

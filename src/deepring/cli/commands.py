@@ -79,9 +79,11 @@ COMMANDS = {
     ),
     "loops": _Command(
         place_options.add_loops,
-        "find the loop closures of a drive",
+        "find the trajectory and the loop closures of a drive",
         "Look each keyframe of a drive up among the earlier ones, and write the trusted loop "
-        "closures: OUT.g2o, a graph; OUT.tum, the keyframes' poses; and OUT.json.",
+        "closures. Without poses, as of a bag, an odometry finds them first; --optimize closes the "
+        "loops. Written are OUT.json, OUT.g2o, OUT.loops.txt, trajectories before and after "
+        "(OUT_odometry and OUT_optimized, .tum and .kitti), OUT.png and OUT.html.",
     ),
     "report": _Command(
         run_options.add_report,

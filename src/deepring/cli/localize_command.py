@@ -14,15 +14,17 @@ from typing import Any, NamedTuple
 from rich.table import Table
 
 from deepring.cli.console import console
+from deepring.cli.joined_scans import JoinedScans
 from deepring.cli.mistakes import MISTAKE, error_message
-from deepring.cli.notices import say_skipped
+from deepring.cli.notices import say_skipped, warn
 from deepring.cli.refined_rows import CSV, TABLE, csv_values, json_values, table_cells, table_notes
 from deepring.data.inspection.scans import expect_coordinates
 from deepring.data.readers import open_session
 from deepring.data.readers.custom.drive_file import is_drive_file
 from deepring.data.scans.bag_files import bag_scans, is_bag
+from deepring.data.scans.point_times import TimedPoints
 from deepring.data.scans.scan_files import read_scan, scan_files
-from deepring.data.session import Points
+from deepring.data.session import Session
 from deepring.errors import ConfigError, DeepringError
 from deepring.localization.location import Location
 from deepring.localization.map import Map
@@ -44,9 +46,11 @@ class Scan(NamedTuple):
     file: Path
     stamp: int | None
     """Nanoseconds, if the bag or the drive has stamps."""
-    read: Callable[[], Points]
+    read: Callable[[], TimedPoints]
     ground_z: float | None
     """z of the ground in its frame, metres; None for the map's."""
+    sequence: Path
+    """The bag, the drive or the folder whose scans follow each other."""
 
 
 def localize_command(args: argparse.Namespace) -> None:
@@ -55,12 +59,14 @@ def localize_command(args: argparse.Namespace) -> None:
     Exits with 1 if some scans cannot be located, and with 2 if none can.
     """
     files = scan_files(args.scans)
+    joining = JoinedScans(args.accumulate)
     place_map = Map.open(args.map, check=not args.unchecked)
     if args.refine:
         _expect_refinable(place_map, args.map)
     failures: list[str] = []
     with progress_bar("locating") as bar:
-        rows = list(locate(place_map, files, args, failures, bar))
+        rows = list(locate(place_map, files, args, joining, failures, bar))
+    warn(joining.warning())
     if rows or not failures:
         _PRINT[args.form](rows)
     for message in failures:
@@ -73,6 +79,7 @@ def locate(
     place_map: Map,
     files: Sequence[Path],
     args: argparse.Namespace,
+    joining: JoinedScans,
     failures: list[str],
     progress: Callable[[int, int], None],
 ) -> Iterator[Row]:
@@ -87,9 +94,10 @@ def locate(
         while True:
             name, stamp = file, None
             try:
-                name, stamp, read, ground_z = next(scans)
-                points = read()
-                expect_coordinates(points)
+                name, stamp, read, ground_z, sequence = next(scans)
+                scan = read()
+                expect_coordinates(scan.points)
+                points = joining.points(sequence, scan, stamp)
                 location = place_map.localize(points, ground_z=ground_z)
                 row = {"scan": str(name), "stamp": stamp, **asdict(location)}
                 if args.refine:
@@ -112,12 +120,21 @@ def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
         ground_z = session.ground_z if args.ground_z is None else args.ground_z
         stamps = [None] * len(session) if session.stamps is None else session.stamps.tolist()
         for k in range(0, len(session), args.every):
-            yield Scan(session.files[k], stamps[k], partial(session.points, k), ground_z)
+            yield Scan(session.files[k], stamps[k], partial(_of_drive, session, k), ground_z, file)
     elif is_bag(file):
-        for stamp, read in bag_scans(file, args.topic, args.every):
-            yield Scan(file, stamp, read, args.ground_z)
+        for scan in bag_scans(file, args.topic, args.every):
+            yield Scan(file, scan.stamp, scan.timed, args.ground_z, file)
     else:
-        yield Scan(file, None, partial(read_scan, file, args.format), args.ground_z)
+        read = partial(_of_file, file, args.format)
+        yield Scan(file, None, read, args.ground_z, file.parent)
+
+
+def _of_drive(session: Session, k: int) -> TimedPoints:
+    return TimedPoints(session.points(k), None)
+
+
+def _of_file(file: Path, binary: str | None) -> TimedPoints:
+    return TimedPoints(read_scan(file, binary), None)
 
 
 def _expect_refinable(place_map: Map, file: Path) -> None:

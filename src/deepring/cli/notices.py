@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from deepring.text import printable
 
 if TYPE_CHECKING:
+    from deepring.data.recording import Recording
     from deepring.data.session import Session
 
 
@@ -15,7 +16,7 @@ def warn(message: str) -> None:
         print(f"warning: {printable(message)}", file=sys.stderr)
 
 
-def say_skipped(session: "Session") -> None:
+def say_skipped(session: "Session | Recording") -> None:
     """Say which scans the reader of a session skipped, and which rows of its poses.
 
     The latter is no warning: the first poses of every drive of NCLT are NaN.

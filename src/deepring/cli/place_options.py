@@ -13,6 +13,7 @@ from deepring.cli.options import (
 )
 from deepring.cli.parser import Names, Parser, number, subcommands, whole
 
+DRIVE_FORMATS = "deepring.data.readers:drive_formats"
 BINARY_FORMATS = "deepring.data.readers:binary_formats"
 
 #: Output formats of `localize`.
@@ -45,10 +46,17 @@ def add_map(parser: Parser) -> None:
 
 
 def _add_build(parser: Parser) -> None:
-    add_drive(parser)
+    clouds = ".pcd, .ply, .las, .laz, folder of tiles"
+    add_drive(parser, f"folder of the dataset, a drive.yaml, or a point cloud: {clouds}")
     add_network(parser)
     add_output(parser, "MAP", "the new map")
-    add_metres(parser, "--spacing", 10.0, "metres between places")
+    parser.add_argument(
+        "--spacing",
+        type=number(0, "metres"),
+        metavar="M",
+        help="metres between places (10; 5 in a point cloud without --path)",
+    )
+    _add_cloud(parser)
     parser.add_argument(
         "--precision",
         default="int8",
@@ -60,6 +68,28 @@ def _add_build(parser: Parser) -> None:
         help="keep the places' points, thinned, for `localize --refine`; the map becomes larger",
     )
     parser.runs("deepring.cli.map_command:build")
+
+
+def _add_cloud(parser: Parser) -> None:
+    parser.add_argument(
+        "--path",
+        type=Path,
+        metavar="FILE",
+        help="of a point cloud: poses that were driven, TUM or KITTI; places are put along them",
+    )
+    parser.add_argument(
+        "--height",
+        type=number(0.1, "metres"),
+        metavar="M",
+        help="of a point cloud: metres of the localising sensor above the ground (1.73)",
+    )
+    parser.add_argument(
+        "--fov",
+        type=number(unit="degrees"),
+        nargs=2,
+        metavar=("LOW", "HIGH"),
+        help="of a point cloud: elevations that the sensor sees, degrees (-25 20)",
+    )
 
 
 def _add_calibrate(parser: Parser) -> None:
@@ -105,6 +135,14 @@ def add_localize(parser: Parser) -> None:
         metavar="N",
         help="take every N-th scan of a bag or a drive (%(default)s)",
     )
+    parser.add_argument(
+        "--accumulate",
+        type=whole(1),
+        default=1,
+        metavar="N",
+        help="join each scan with up to N - 1 before it, for sensors that see little "
+        "(%(default)s; needs deepring[odometry])",
+    )
     add_session(parser, "drive, if drive.yaml describes several")
     add_ground(parser, "the map's")
     parser.add_argument(
@@ -126,8 +164,23 @@ def add_localize(parser: Parser) -> None:
 
 
 def add_loops(parser: Parser) -> None:
-    """``deepring loops FOLDER -o OUT``."""
-    add_drive(parser)
+    """``deepring loops SCANS -o OUT``."""
+    parser.add_argument(
+        "root",
+        type=Path,
+        metavar="SCANS",
+        help="a bag, a folder of scans in order, a dataset's folder, or a drive.yaml",
+    )
+    parser.add_argument(
+        "--format",
+        choices=Names(DRIVE_FORMATS),
+        metavar="NAME",
+        help="format of the dataset, recognised from the folder by default, or of .bin files: "
+        "%(choices)s",
+    )
+    add_session(parser, "session, if the folder holds several")
+    add_ground(parser, "the drive's, or where its first scans show it,")
+    _add_recording(parser)
     add_network(parser)
     add_output(parser, "OUT", "path of the new files, without the ending")
     add_metres(parser, "--spacing", 2.0, "metres between keyframes")
@@ -146,7 +199,36 @@ def add_loops(parser: Parser) -> None:
         action="store_true",
         help="refine each loop on the points of its two scans (needs deepring[refine])",
     )
-    parser.runs("deepring.cli.loops_command:loops_command")
+    parser.add_argument(
+        "--optimize",
+        action="store_true",
+        help="close the refined loops in a pose graph (needs deepring[refine,optimize])",
+    )
+    parser.runs("deepring.cli.loops_command:loops_command", binary="--format")
+
+
+def _add_recording(parser: Parser) -> None:
+    """The options of scans whose poses an odometry finds."""
+    parser.add_argument("--topic", help="topic of the point clouds, if a bag has several")
+    parser.add_argument(
+        "--every",
+        type=whole(1),
+        default=1,
+        metavar="N",
+        help="take every N-th scan of a drive without poses (%(default)s)",
+    )
+    parser.add_argument(
+        "--odometry",
+        action="store_true",
+        help="find the poses by odometry although the drive has some, and compare (scans without "
+        "poses need no flag; needs deepring[odometry])",
+    )
+    parser.add_argument(
+        "--poses",
+        type=Path,
+        metavar="FILE",
+        help="true poses to compare with, TUM's format, at the stamps of the scans",
+    )
 
 
 def add_export(parser: Parser) -> None:

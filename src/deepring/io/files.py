@@ -62,15 +62,16 @@ def write_whole(path: Path, chunks: Iterable[bytes]) -> None:
         file.writelines(chunks)
 
 
-def write_together(texts: Mapping[Path, str]) -> None:
-    """Write several text files. If a kill leaves only some of them, `cut_short` sees it.
+def write_together(contents: Mapping[Path, str | bytes]) -> None:
+    """Write several files, texts as UTF-8. If a kill leaves only some, `cut_short` sees it.
 
     All are complete beside their places before the first takes its place. Raises FileError if one
     cannot be written.
     """
     with ExitStack() as stack:
-        for path, text in texts.items():
-            stack.enter_context(replacing(path)).write_text(text, encoding="utf-8")
+        for path, content in contents.items():
+            raw = content.encode() if isinstance(content, str) else content
+            stack.enter_context(replacing(path)).write_bytes(raw)
 
 
 def cut_short(paths: Iterable[Path]) -> bool:

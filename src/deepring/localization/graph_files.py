@@ -1,68 +1,48 @@
-"""A loop graph as files that pose-graph back ends and trajectory tools read."""
+"""A loop graph as files that pose-graph back ends read: g2o, and loops as rows of numbers."""
 
-import json
-from collections.abc import Iterator
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from deepring.core.rigid import yaw_of
-from deepring.data.poses.stamps import NANOSECONDS, seconds_text
-from deepring.localization.loops import LoopGraph
-
-#: Standard deviations of the edges, metres and degrees.
-ODOMETRY, LOOP = (0.1, 0.5), (0.5, 1.0)
+from deepring.localization.graph_noise import loop_covariance, odometry_covariances
+from deepring.localization.loop_graph import Loop, LoopGraph
 
 
-def g2o_lines(graph: LoopGraph) -> Iterator[str]:
-    """Lines of a g2o file in SE(2): one vertex per keyframe, and edges for odometry and loops.
+def g2o_lines(graph: LoopGraph, loops: Sequence[Loop] | None = None) -> Iterator[str]:
+    """Lines of a g2o file in SE(3): one vertex per keyframe, and edges for odometry and loops.
 
-    An edge states the pose of its second vertex in the frame of its first, and its information;
-    see `ODOMETRY` and `LOOP`.
+    An edge states the pose of its second vertex in the frame of its first, x y z qx qy qz qw, and
+    the upper triangle of its information, row by row: x, y, z in metres, then the rotation vector
+    in radians, as GTSAM and Ceres read them (g2o itself counts the half of each angle, and so
+    weighs turns by a quarter). ``loops`` are those of the graph by default.
     """
-    planar = np.column_stack([graph.poses[:, :2, 3], yaw_of(graph.poses)])
-    for k, (x, y, yaw) in enumerate(planar):
-        yield f"VERTEX_SE2 {k} {x:.6f} {y:.6f} {yaw:.8f}"
-    for k in range(len(planar) - 1):
-        relative = np.linalg.inv(graph.poses[k]) @ graph.poses[k + 1]
-        yaw = float(yaw_of(relative))
-        yield _edge(k, k + 1, relative[0, 3], relative[1, 3], yaw, ODOMETRY)
-    for loop in graph.loops:
-        yield _edge(loop.earlier, loop.keyframe, loop.x, loop.y, loop.yaw, LOOP)
+    for k, pose in enumerate(graph.poses):
+        yield f"VERTEX_SE3:QUAT {k} {_pose(pose)}"
+    for k, covariance in enumerate(odometry_covariances(graph)):
+        yield _edge(k, k + 1, np.linalg.inv(graph.poses[k]) @ graph.poses[k + 1], covariance)
+    for loop in graph.loops if loops is None else loops:
+        yield _edge(loop.earlier, loop.keyframe, loop.transform, loop_covariance(loop))
 
 
-def tum_lines(graph: LoopGraph) -> Iterator[str]:
-    """The keyframes' poses in TUM's format: seconds x y z qx qy qz qw.
-
-    Stamps are exact to the nanosecond. Without, the seconds are the number of the keyframe.
-    """
-    from scipy.spatial.transform import Rotation
-
-    n = len(graph.poses)
-    stamps = np.arange(n) * NANOSECONDS if graph.stamps is None else graph.stamps
-    turns = Rotation.from_matrix(graph.poses[:, :3, :3]).as_quat()
-    for stamp, pose, turn in zip(stamps, graph.poses, turns, strict=True):
-        numbers = " ".join(f"{value:.9f}" for value in (*pose[:3, 3], *turn))
-        yield f"{seconds_text(stamp)} {numbers}"
-
-
-def json_text(graph: LoopGraph) -> str:
-    """Keyframes as numbers of their scans, their stamps in nanoseconds or null, and the loops.
-
-    A ratio without a rival is null.
-    """
-    loops = [asdict(loop) for loop in graph.loops]
+def loop_lines(loops: Sequence[Loop]) -> Iterator[str]:
+    """Loops as text: keyframes i and j, and the 4 x 4 pose of j in the frame of i, row by row."""
+    yield "# i j T: keyframes, and the 4 x 4 pose of j in the frame of i, row by row"
     for loop in loops:
-        loop["ratio"] = loop["ratio"] if np.isfinite(loop["ratio"]) else None
-    stamps = None if graph.stamps is None else graph.stamps.tolist()
-    return json.dumps({"scans": graph.scans.tolist(), "stamps": stamps, "loops": loops}, indent=1)
+        numbers = " ".join(f"{value:.9f}" for value in loop.transform.ravel())
+        yield f"{loop.earlier} {loop.keyframe} {numbers}"
 
 
 def _edge(
-    first: int, second: int, x: float, y: float, yaw: float, deviation: tuple[float, float]
+    first: int, second: int, transform: NDArray[np.float64], covariance: NDArray[np.float64]
 ) -> str:
-    flat, turn = 1 / deviation[0] ** 2, 1 / np.radians(deviation[1]) ** 2
-    return (
-        f"EDGE_SE2 {first} {second} {x:.6f} {y:.6f} {yaw:.8f} "
-        f"{flat:.6g} 0 0 {flat:.6g} 0 {turn:.6g}"
-    )
+    information = np.linalg.inv(covariance)
+    entries = " ".join(f"{value:.9g}" for value in information[np.triu_indices(6)])
+    return f"EDGE_SE3:QUAT {first} {second} {_pose(transform)} {entries}"
+
+
+def _pose(transform: NDArray[np.float64]) -> str:
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_matrix(transform[:3, :3]).as_quat()
+    return " ".join(f"{value:.9f}" for value in (*transform[:3, 3], *turn))

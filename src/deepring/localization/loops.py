@@ -1,19 +1,21 @@
 """Loop closures of a drive: each scan is compared with past scans only, as on a robot."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deepring import checks
-from deepring.core.rigid import wrap_angle, yaw_after_turn, yaw_of
+from deepring.core.rigid import pose_from, rotation_from_rpy, wrap_angle, yaw_after_turn, yaw_of
 from deepring.data.left_out import LeftOut, usable_scans
 from deepring.data.session import Points, Session
-from deepring.data.spacing import path_lengths
 from deepring.errors import DataError
 from deepring.localization.location import AcceptanceThresholds, Location
+from deepring.localization.loop_graph import Loop, LoopGraph
 from deepring.localization.map import Map
 from deepring.localization.observation import Observation, described, occupancy
+from deepring.localization.place_points import PlacePoints, thinned_points
 from deepring.localization.refinement import RefinementSettings, refine, small_gicp
 from deepring.progress import Progress
 
@@ -41,36 +43,69 @@ class LoopSettings:
             checks.of_type("loops.refinement", self.refinement, RefinementSettings)
 
 
-@dataclass(frozen=True)
-class Loop:
-    """Pose of a keyframe in the frame of an earlier one."""
+class LoopFinder:
+    """Looks keyframes up among the past ones, one after the other.
 
-    keyframe: int
-    earlier: int
-    x: float
-    """Metres, of the keyframe's sensor in the earlier one's frame."""
-    y: float
-    yaw: float
-    """Heading of the keyframe in the earlier one's frame, radians in [-π, π)."""
-    fit: float
-    ratio: float
-    inliers: float | None = None
-    """Share of points that match after refinement; None without refinement."""
-    refined: bool = False
-    """Whether x, y and yaw are refined; where refinement failed, they are the alignment's."""
+    Args:
+        place_map: a map without places, whose network, thresholds and ground are used; it is
+            filled. See `LOOP_THRESHOLDS`: a map's usual thresholds are for places further apart.
+        settings: distances, and refinement.
+        points_of: gives the points of an earlier keyframe, for the refinement. Without, those of
+            all are kept in memory, thinned as `PlacePoints` says.
 
+    Raises DataError for a map with places, and ConfigError for refinement without its library.
+    """
 
-@dataclass(frozen=True, eq=False)
-class LoopGraph:
-    """Keyframes of a drive and the loops among them."""
+    def __init__(
+        self,
+        place_map: Map,
+        settings: LoopSettings | None = None,
+        points_of: Callable[[int], Points] | None = None,
+    ) -> None:
+        settings = LoopSettings() if settings is None else settings
+        checks.of_type("place_map", place_map, Map)
+        checks.of_type("settings", settings, LoopSettings)
+        if settings.refinement is not None:
+            small_gicp()  # now rather than at the first loop
+        if len(place_map):
+            raise DataError(f"map: holds {len(place_map)} places, expected none; give a new one")
+        self.map, self.settings = place_map, settings
+        self.loops: list[Loop] = []
+        self.poses: list[NDArray[np.float64]] = []
+        self._path: list[float] = []
+        self._kept = PlacePoints()
+        self._points_of = points_of
 
-    scans: NDArray[np.int64]
-    """(n,) numbers of the keyframes in their session."""
-    poses: NDArray[np.float64]
-    """(n, 4, 4) poses of the session, world <- scan."""
-    stamps: NDArray[np.int64] | None
-    """(n,) nanoseconds, or None."""
-    loops: list[Loop]
+    def see(self, name: str, points: Points) -> Observation:
+        """Image and descriptor of a scan. Raises BrokenScanError if it shows nothing."""
+        image = occupancy(name, points, self.map.ground_z, self.map.raster)
+        return described(self.map.network, image[None])
+
+    def add(self, name: str, points: Points, seen: Observation, pose: NDArray[np.float64]) -> None:
+        """Look the next keyframe up, and add it to the past.
+
+        ``pose`` (4, 4) may drift: it gives the path driven, and which candidates contradict.
+        """
+        step = np.linalg.norm(pose[:2, 3] - self.poses[-1][:2, 3]) if self.poses else 0.0
+        path = (self._path[-1] if self._path else 0.0) + float(step)
+        past = int(np.searchsorted(self._path, path - self.settings.recent))
+        if past:
+            location = self.map.localize_observation(seen, before=past)
+            if location.trusted:
+                self.loops.append(self._loop(location, points))
+        self.map.add_observation(seen, pose[None], [name], [points])
+        self.poses.append(pose)
+        self._path.append(path)
+        if self.settings.refinement is not None and self._points_of is None:
+            self._kept.add([thinned_points(points)])
+
+    def _loop(self, location: Location, points: Points) -> Loop:
+        earlier = location.place
+        loop = _planar_loop(len(self.poses), location, self.poses[earlier])
+        if self.settings.refinement is None:
+            return loop
+        other = self._points_of(earlier) if self._points_of else self._kept.of(earlier)
+        return _refine(loop, points, other, self.settings.refinement)
 
 
 def find_loops(
@@ -85,9 +120,7 @@ def find_loops(
     Args:
         session: the drive. Its poses may drift: they give the path driven, and which candidates
             contradict each other.
-        place_map: a map without places, whose network, thresholds and ground are used; it is
-            filled, unless there is an error. See `LOOP_THRESHOLDS`: a map's usual thresholds are
-            for places further apart.
+        place_map: see `LoopFinder`; it stays empty if there is an error.
         settings: distances, and refinement.
         progress: called with keyframes done and their total.
         left_out: receives the scans that cannot be used, which are otherwise logged.
@@ -97,78 +130,39 @@ def find_loops(
     """
     settings = LoopSettings() if settings is None else settings
     checks.of_type("session", session, Session)
-    checks.of_type("place_map", place_map, Map)
-    checks.of_type("settings", settings, LoopSettings)
-    if settings.refinement is not None:
-        small_gicp()  # now rather than at the first loop
-    if len(place_map):
-        raise DataError(f"map: holds {len(place_map)} places, expected none; give a new one")
-    with place_map.all_or_nothing():
-        return _look_back(session, place_map, settings, progress, left_out)
+    keyframes: list[int] = []
+    finder = LoopFinder(place_map, settings, lambda k: session.points(keyframes[k]))
 
-
-def _look_back(
-    session: Session,
-    place_map: Map,
-    settings: LoopSettings,
-    progress: Progress | None,
-    left_out: LeftOut | None,
-) -> LoopGraph:
     def see(scan: int) -> tuple[Points, Observation]:
         points = session.points(scan)
-        image = occupancy(str(session.files[scan]), points, place_map.ground_z, place_map.raster)
-        return points, described(place_map.network, image[None])
+        return points, finder.see(str(session.files[scan]), points)
 
-    path = path_lengths(session.positions)
-    keyframes: list[int] = []
-    loops: list[Loop] = []
-    for scan, (points, seen) in usable_scans(session, settings.spacing, see, left_out, progress):
-        past = int(np.searchsorted(path[keyframes], path[scan] - settings.recent))
-        if past:
-            location = place_map.localize_observation(seen, before=past)
-            if location.trusted:
-                earlier = keyframes[location.place]
-                loop = _loop(len(keyframes), location, session.poses[earlier])
-                if settings.refinement is not None:
-                    loop = _refine(loop, points, session.points(earlier), settings.refinement)
-                loops.append(loop)
-        keyframes.append(scan)
-        names = [session.files[scan].name]
-        place_map.add_observation(seen, session.poses[scan : scan + 1], names)
+    with place_map.all_or_nothing():
+        for scan, (points, seen) in usable_scans(
+            session, settings.spacing, see, left_out, progress
+        ):
+            finder.add(session.files[scan].name, points, seen, session.poses[scan])
+            keyframes.append(scan)
     stamps = None if session.stamps is None else session.stamps[keyframes]
-    return LoopGraph(np.array(keyframes), session.poses[keyframes], stamps, loops)
+    return LoopGraph(np.array(keyframes), session.poses[keyframes], stamps, finder.loops)
 
 
-def _loop(keyframe: int, location: Location, pose: NDArray[np.float64]) -> Loop:
+def _planar_loop(keyframe: int, location: Location, pose: NDArray[np.float64]) -> Loop:
     """A location in the world as a loop, from the earlier keyframe at ``pose``."""
     heading = float(yaw_of(pose))
     dx, dy = location.x - pose[0, 3], location.y - pose[1, 3]
     c, s = np.cos(heading), np.sin(heading)
-    return Loop(
-        keyframe,
-        location.place,
-        float(c * dx + s * dy),
-        float(c * dy - s * dx),
-        wrap_angle(location.yaw - heading),
-        location.fit,
-        location.ratio,
-    )
+    rotation = rotation_from_rpy(0.0, 0.0, wrap_angle(location.yaw - heading))
+    transform = pose_from(rotation, [c * dx + s * dy, c * dy - s * dx, 0.0])
+    return Loop(keyframe, location.place, transform, location.fit, location.ratio)
 
 
-def _refine(
-    loop: Loop,
-    points: NDArray[np.float32],
-    earlier: NDArray[np.float32],
-    settings: RefinementSettings,
-) -> Loop:
+def _refine(loop: Loop, points: Points, earlier: Points, settings: RefinementSettings) -> Loop:
     turn = yaw_after_turn(0.0, loop.yaw)
     result = refine(points, earlier, turn, (loop.x, loop.y), settings)
-    x, y = (float(value) for value in result.position)
     return replace(
         loop,
-        x=x,
-        y=y,
-        yaw=yaw_after_turn(0.0, result.turn),
+        transform=result.transform,
         inliers=result.inliers,
         refined=result.converged,
     )

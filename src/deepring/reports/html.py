@@ -2,14 +2,13 @@
 
 import base64
 import html
-import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from deepring.errors import FileError
-from deepring.reports.style import without_formulas
+from deepring.reports.style import png
 from deepring.text import printable, printable_lines
 
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -76,9 +75,7 @@ def picture(source: Figure | Path, caption: str) -> str:
         if source.is_symlink() or not data.startswith(_PNG):
             raise FileError(f"{source}: no PNG file, expected a figure of the run; delete it")
     else:
-        buffer = io.BytesIO()
-        without_formulas(source).savefig(buffer, format="png", dpi=110)
-        data = buffer.getvalue()
+        data = png(source, dpi=110)
     words = _text(caption)
     base64_text = base64.b64encode(data).decode()
     return (

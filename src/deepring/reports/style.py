@@ -4,6 +4,7 @@ Figures are matplotlib ``Figure`` objects on the Agg canvas. Nothing here opens 
 global state, so that figures work without a display and in several threads.
 """
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,13 @@ def without_formulas(figure: Figure) -> Figure:
     for text in figure.findobj(Text):
         text.set_parse_math(False)
     return figure
+
+
+def png(figure: Figure, dpi: float = 150.0) -> bytes:
+    """The figure as the bytes of a PNG file."""
+    buffer = io.BytesIO()
+    without_formulas(figure).savefig(buffer, format="png", dpi=dpi)
+    return buffer.getvalue()
 
 
 def save(figure: Figure, path: str | Path, dpi: float = 150.0) -> None:

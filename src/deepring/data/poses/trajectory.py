@@ -67,7 +67,7 @@ class Trajectory:
         poses = np.full((len(times), 4, 4), np.nan)
         if valid.any():
             share = since[valid] / np.maximum((since + until)[valid], 1)
-            poses[valid] = _between(self.poses[before[valid]], self.poses[after[valid]], share)
+            poses[valid] = between(self.poses[before[valid]], self.poses[after[valid]], share)
         return poses, valid
 
 
@@ -84,7 +84,7 @@ def check_usable(poses: NDArray[np.float64], usable: NDArray[np.bool_], source: 
         )
 
 
-def _between(
+def between(
     start: NDArray[np.float64], end: NDArray[np.float64], share: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Poses (k, 4, 4) a ``share`` (k,) in [0, 1] of the way from ``start`` to ``end``."""

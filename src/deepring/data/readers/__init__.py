@@ -61,6 +61,12 @@ def binary_formats() -> dict[str, BinaryScans]:
     return {name: scans for reader in _readers() for name, scans in reader.scans.items()}
 
 
+def drive_formats() -> list[str]:
+    """The names of all layouts and of all formats of .bin files."""
+    names = reader_names()
+    return [*names, *(name for name in binary_formats() if name not in names)]
+
+
 def open_session(format: str, root: Path | str, name: str | None = None, **options: Any) -> Session:
     """Open session ``name`` of the dataset in ``root``; optional if there is only one.
 

@@ -1,10 +1,10 @@
 """Scans from ROS 1 and ROS 2 bags, one message at a time."""
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 from deepring.checks import count
 from deepring.data.scans.bags.clouds import CloudDecoder
@@ -12,7 +12,8 @@ from deepring.data.scans.bags.opening import CONTAINERS, Bag, advice, open_bag
 from deepring.data.scans.bags.topics import CLOUD, cloud_topic
 from deepring.data.scans.names import ending_of
 from deepring.data.scans.point_cloud2 import cloud_records
-from deepring.data.scans.returns import scan_from
+from deepring.data.scans.point_times import TimedPoints, point_times
+from deepring.data.scans.returns import is_return, scan_from
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError, DeepringError, FileError
 
@@ -27,6 +28,8 @@ class BagScan(NamedTuple):
     """Nanoseconds, from the message's header, or from the recording if that is 0."""
     read: Callable[[], Points]
     """Its points, (n, 3) float32, metres, in the sensor's frame; raises BrokenScanError."""
+    timed: Callable[[], TimedPoints]
+    """The same with the times of the points."""
 
 
 def is_bag(path: Path) -> bool:
@@ -57,15 +60,32 @@ def bag_scans(path: Path | str, topic: str | None = None, every: int = 1) -> Ite
     """
     path = Path(path)
     count("every", every)
+    with ExitStack() as opened, _naming(path):
+        yield from _scans(open_bag(path, opened), path, topic, every)
+
+
+def bag_length(path: Path | str, topic: str | None = None) -> int:
+    """The number of point clouds of a bag, as its index or metadata.yaml says.
+
+    Raises as `bag_scans` does, but for damage that only reading shows.
+    """
+    path = Path(path)
+    with ExitStack() as opened, _naming(path):
+        bag = open_bag(path, opened)
+        return bag.topics[_topic(bag, topic), CLOUD]
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Name the bag in errors."""
     if not path.exists():
         raise FileError(f"bag {path}: no such file or folder; expected a bag of ROS 1 or 2")
-    with ExitStack() as opened:
-        try:
-            yield from _scans(open_bag(path, opened), path, topic, every)
-        except OSError as error:
-            raise FileError(f"bag {path}: cannot be read: {error.strerror}") from error
-        except DeepringError as error:
-            raise type(error)(f"bag {path}: {error}", error.argument) from error
+    try:
+        yield
+    except OSError as error:
+        raise FileError(f"bag {path}: cannot be read: {error.strerror}") from error
+    except DeepringError as error:
+        raise type(error)(f"bag {path}: {error}", error.argument) from error
 
 
 def _scans(bag: Bag, path: Path, topic: str | None, every: int) -> Iterator[BagScan]:
@@ -128,17 +148,28 @@ def _scan(decode: Callable[[], Any], encoding: str, time: int, source: str) -> B
             seconds %= 2**32
         stamp = seconds * 10**9 + int(message.header.stamp.nanosec) or time
     except BrokenScanError as error:
-        return BagScan(time, partial(_fail, f"{source} at {time} ns: {error}"))
-    return BagScan(stamp, partial(_points, message, f"{source} at {stamp} ns"))
+        fail = partial(_fail, f"{source} at {time} ns: {error}")
+        return BagScan(time, fail, fail)
+    where = f"{source} at {stamp} ns"
+    return BagScan(stamp, partial(_points, message, where), partial(_timed, message, stamp, where))
 
 
-def _fail(reason: str) -> Points:
+def _fail(reason: str) -> NoReturn:
     raise BrokenScanError(reason)
 
 
 def _points(message: Any, source: str) -> Points:
+    return scan_from(_records(message, source), source).points
+
+
+def _timed(message: Any, stamp: int, source: str) -> TimedPoints:
+    records = _records(message, source)
+    points = scan_from(records, source).points
+    return TimedPoints(points, point_times(message, is_return(records), stamp))
+
+
+def _records(message: Any, source: str) -> Points:
     try:
-        records = cloud_records(message)
+        return cloud_records(message)
     except BrokenScanError as error:
         raise BrokenScanError(f"{source}: {error}") from error
-    return scan_from(records, source).points

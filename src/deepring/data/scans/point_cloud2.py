@@ -1,5 +1,6 @@
 """Points of ROS 1 and ROS 2 messages of type sensor_msgs/PointCloud2."""
 
+from collections.abc import Collection, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -23,6 +24,8 @@ _NAMES = {
 _LARGEST_STEP = 1 << 20
 #: NumPy types of those that coordinates may have.
 _FLOATS = {7: "f4", 8: "f8"}
+#: NumPy types of all.
+_NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", **_FLOATS}
 
 
 def cloud_records(message: Any) -> NDArray[np.float32]:
@@ -38,6 +41,30 @@ def cloud_records(message: Any) -> NDArray[np.float32]:
             message states.
     """
     formats, offsets = _coordinates(message)
+    cloud = _view(message, dict(zip("xyz", zip(formats, offsets, strict=True), strict=True)))
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond float32 becomes infinite
+        return np.stack([cloud[name].astype(np.float32).ravel() for name in "xyz"], axis=1)
+
+
+def cloud_column(message: Any, names: Collection[str]) -> NDArray[Any] | None:
+    """The values (n,) of the first field with one of these names, row by row; None without one.
+
+    A field that is no single number within the bytes of a point is none.
+
+    Raises BrokenScanError for data of another size than the message states.
+    """
+    for field in message.fields:
+        form, offset = _NUMBERS.get(field.datatype), int(field.offset)
+        if field.name not in names or form is None or field.count not in (0, 1):
+            continue
+        if 0 <= offset <= int(message.point_step) - int(form[1]):
+            order = ">" if message.is_bigendian else "<"
+            return _view(message, {"value": (order + form, offset)})["value"].ravel()
+    return None
+
+
+def _view(message: Any, fields: Mapping[str, tuple[str, int]]) -> NDArray[Any]:
+    """The fields, name -> NumPy type and first byte, of all points (rows, columns)."""
     step = int(message.point_step)
     rows, columns = int(message.height), int(message.width)
     row = columns * step
@@ -53,14 +80,13 @@ def cloud_records(message: Any) -> NDArray[np.float32]:
             f"PointCloud2: {len(data)} bytes in rows of {row_step}; expected {rows} rows of "
             f"{columns} points of {step} bytes"
         )
-    if not least:
-        return np.empty((0, 3), dtype=np.float32)
+    formats, offsets = zip(*fields.values(), strict=True)
     layout = np.dtype(
-        {"names": list("xyz"), "formats": formats, "offsets": offsets, "itemsize": step}
+        {"names": list(fields), "formats": formats, "offsets": offsets, "itemsize": step}
     )
-    cloud = np.ndarray((rows, columns), layout, data.data, 0, (row_step, step))
-    with np.errstate(over="ignore", invalid="ignore"):  # beyond float32 becomes infinite
-        return np.stack([cloud[name].astype(np.float32).ravel() for name in "xyz"], axis=1)
+    if not least:
+        return np.empty((0, 0), dtype=layout)
+    return np.ndarray((rows, columns), layout, data.data, 0, (row_step, step))
 
 
 def _coordinates(message: Any) -> tuple[list[str], list[int]]:

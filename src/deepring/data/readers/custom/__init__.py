@@ -1,6 +1,8 @@
 """Custom datasets: scans and poses in a folder, described by a YAML file."""
 
 import math
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,7 @@ from deepring.data.poses.pose_tables import (
     stamped_rows,
 )
 from deepring.data.poses.rigid import rigid_rows, rotation_problem
-from deepring.data.poses.stamps import seconds_text
+from deepring.data.poses.stamps import seconds_text, stamps_in_names
 from deepring.data.readers import binary_formats
 from deepring.data.readers.custom.custom_scans import UP, CustomScans
 from deepring.data.readers.custom.drive_file import (
@@ -25,8 +27,11 @@ from deepring.data.readers.custom.drive_file import (
     read_drives,
 )
 from deepring.data.readers.reader import LayoutError, Reader
+from deepring.data.recording import RecordedScan, Recording
 from deepring.data.scans.names import ending_of, files_with
+from deepring.data.scans.point_times import TimedPoints
 from deepring.data.scans.records import file_problem
+from deepring.data.scans.returns import scan_from
 from deepring.data.scans.scan_files import SCANS
 from deepring.data.session import Session, SkippedScans
 from deepring.errors import ConfigError, DataError, FileError
@@ -47,24 +52,19 @@ def open_custom(root: Path | str, name: str | None = None) -> Session:
     or a pose that is not rigid.
     """
     drive = _drive(_drives(root), root, name)
+    poses_file = _poses_file(drive)
     files = _scans(drive)
-    rows, stamps = _pose_rows(drive)
+    rows, stamps = _pose_rows(drive, poses_file)
     if len(rows) != len(files):
         raise DataError(
             f"{drive.file}: {len(files)} scans in {drive.scans}, but {len(rows)} poses in "
-            f"{drive.poses}; expected one pose per scan, in the order of the scans' names. Remove "
+            f"{poses_file}; expected one pose per scan, in the order of the scans' names. Remove "
             "scans without a pose, and poses without a scan"
         )
-    problems = [_problem(file, drive.format) for file in files]
-    usable = np.array([k for k, problem in enumerate(problems) if problem is None], dtype=np.intp)
-    reasons = tuple(problem for problem in problems if problem is not None)
-    if not len(usable):
-        raise DataError(f"all {len(files)} scans of {drive.scans} are broken: {reasons[0]}")
+    usable, reasons = _usable(drive, files)
     poses = z_up_poses(rows[usable], drive)
     _expect_upright(poses, drive)
-    reader = CustomScans(
-        drive.format, drive.up, drive.sensor_height, drive.z_band, drive.azimuth, drive.range
-    )
+    reader = _reader(drive)
     return Session(
         name=drive.name,
         files=tuple(files[k] for k in usable),
@@ -76,6 +76,30 @@ def open_custom(root: Path | str, name: str | None = None) -> Session:
         ground_z=-drive.sensor_height,
         decoding=reader.decoding,
     )
+
+
+def record_custom(root: Path | str, name: str | None = None, every: int = 1) -> Recording:
+    """The scans of drive ``name`` of the YAML file ``root``, whose poses are not known.
+
+    Times since 1970 in the names of the scans are their stamps. Raises as `open_custom` does.
+    """
+    drive = _drive(_drives(root), root, name)
+    files = _scans(drive)
+    usable, reasons = _usable(drive, files)
+    read, stamps = _reader(drive), stamps_in_names(files)
+
+    def scans() -> Iterator[RecordedScan]:
+        for k in usable[::every]:
+            stamp = None if stamps is None else int(stamps[k])
+            yield RecordedScan(files[k].name, stamp, partial(_timed, read, files[k]))
+
+    skipped = SkippedScans(broken=reasons)
+    return Recording(drive.name, -(-len(usable) // every), scans, -drive.sensor_height, skipped)
+
+
+def has_poses(root: Path | str, name: str | None = None) -> bool:
+    """Whether the file gives poses for drive ``name``; raises as `open_custom` does."""
+    return _drive(_drives(root), root, name).poses is not None
 
 
 def list_custom(root: Path | str) -> list[str]:
@@ -133,6 +157,26 @@ def _scans(drive: DriveDescription) -> list[Path]:
     return files
 
 
+def _usable(drive: DriveDescription, files: list[Path]) -> tuple[NDArray[np.intp], tuple[str, ...]]:
+    """Numbers of the files whose sizes are possible, and why the others are left out."""
+    problems = [_problem(file, drive.format) for file in files]
+    usable = np.array([k for k, problem in enumerate(problems) if problem is None], dtype=np.intp)
+    reasons = tuple(problem for problem in problems if problem is not None)
+    if not len(usable):
+        raise DataError(f"all {len(files)} scans of {drive.scans} are broken: {reasons[0]}")
+    return usable, reasons
+
+
+def _reader(drive: DriveDescription) -> CustomScans:
+    return CustomScans(
+        drive.format, drive.up, drive.sensor_height, drive.z_band, drive.azimuth, drive.range
+    )
+
+
+def _timed(read: CustomScans, file: Path) -> TimedPoints:
+    return TimedPoints(scan_from(read(file), file).points, None)
+
+
 def _problem(file: Path, format: str | None) -> str | None:
     """The reason why a file cannot be a scan, by its size, or None."""
     records: tuple[np.dtype, ...] = (_BYTE,)
@@ -142,18 +186,30 @@ def _problem(file: Path, format: str | None) -> str | None:
     return None if problem is None else f"{file}: {problem}"
 
 
-def _pose_rows(drive: DriveDescription) -> tuple[NDArray[np.float64], NDArray[np.int64] | None]:
+def _poses_file(drive: DriveDescription) -> Path:
+    """The file of the drive's poses, which only some commands can do without."""
+    if drive.poses is None:
+        raise ConfigError(
+            f"{drive.file}: poses: missing, expected the file of the poses, as text: add it. Only "
+            "deepring loops finds poses from the scans alone"
+        )
+    return drive.poses
+
+
+def _pose_rows(
+    drive: DriveDescription, poses: Path
+) -> tuple[NDArray[np.float64], NDArray[np.int64] | None]:
     """Poses (n, 4, 4) from the file, and their stamps (n,) in nanoseconds or None."""
-    if not _is(drive.poses, "file"):
+    if not _is(poses, "file"):
         raise FileError(
-            f"{drive.file}: poses: {_short(drive.poses)} is not a file; expected the file of the "
+            f"{drive.file}: poses: {_short(poses)} is not a file; expected the file of the "
             "poses, relative to this file's folder"
         )
     if drive.pose_format == "tum":
-        return _tum(drive.poses)
+        return _tum(poses)
     row = "12 numbers, separated by blanks: a 3x4 pose, row by row (pose_format: kitti)"
-    poses = poses_from_rows(read_table(drive.poses, _KITTI_ROW, None, row)["values"])
-    return _rigid(poses, drive.poses), None
+    rows = poses_from_rows(read_table(poses, _KITTI_ROW, None, row)["values"])
+    return _rigid(rows, poses), None
 
 
 def _tum(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -42,8 +42,8 @@ class DriveDescription:
     file: Path
     name: str
     scans: Path
-    poses: Path
     sensor_height: float  # metres above the ground
+    poses: Path | None = None  # None where they are not known: a recording
     format: str | None = None  # of .bin files
     pose_format: str = "kitti"
     sensor_in_body: Any = None  # (4, 4) float64; None is the identity

@@ -1,0 +1,47 @@
+"""How far the edges of a loop graph may be off, where the registration does not tell.
+
+Covariances (6, 6) are of inv(edge) @ truth in the frame of the edge's second keyframe: x, y, z in
+metres, then the rotation vector in radians.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deepring.localization.loop_graph import Loop, LoopGraph
+
+#: Standard deviations of an odometry edge of one metre, metres and degrees; the variances grow with
+#: the length, as of independent steps. See `benchmarks/trajectory.py --steps`.
+ODOMETRY = (0.03, 0.1)
+#: Metres. Shorter edges are no better: the registration itself is off.
+SHORTEST = 1.0
+#: A break of the odometry, metres and degrees: anything.
+BREAK = (100.0, 90.0)
+#: A loop refined on the points, without a covariance of its own: x, y, z in metres, roll, pitch,
+#: yaw in degrees.
+REFINED = (0.1, 0.1, 0.1, 0.5, 0.5, 0.5)
+#: A loop of images alone, which show neither height nor tilt.
+PLANAR = (0.5, 0.5, 1.5, 4.0, 4.0, 1.0)
+
+
+def odometry_covariances(graph: LoopGraph) -> NDArray[np.float64]:
+    """(n - 1, 6, 6), of the edges from each keyframe to the next."""
+    steps = np.linalg.norm(np.diff(graph.poses[:, :3, 3], axis=0), axis=1)
+    grown = np.sqrt(np.maximum(steps, SHORTEST))[:, None]
+    deviations = grown * _deviations((*[ODOMETRY[0]] * 3, *[ODOMETRY[1]] * 3))
+    for k in graph.breaks:
+        deviations[k - 1] = _deviations((*[BREAK[0]] * 3, *[BREAK[1]] * 3))
+    covariances = np.zeros((len(deviations), 6, 6))
+    covariances[:, range(6), range(6)] = deviations**2
+    return covariances
+
+
+def loop_covariance(loop: Loop) -> NDArray[np.float64]:
+    """(6, 6), the registration's own where it has one."""
+    if loop.covariance is not None:
+        return loop.covariance
+    return np.diag(_deviations(REFINED if loop.refined else PLANAR) ** 2)
+
+
+def _deviations(values: tuple[float, ...]) -> NDArray[np.float64]:
+    """Metres and degrees as metres and radians."""
+    return np.array([*values[:3], *np.radians(values[3:])])
