@@ -38,6 +38,9 @@ ARM = 10.0
 #: Standard deviation from which a direction counts as unobservable, metres (rotations at `ARM`).
 LOOSE = 0.5
 
+#: Side of the cells whose normals err apart, metres.
+_SMALL = 1.0
+
 #: Standard errors by which information has to exceed nothing.
 _SIGNIFICANT = 2.0
 
@@ -72,7 +75,7 @@ def pose_uncertainty(
     information = np.diag(1 / np.array([shift] * 3 + [turn * ARM] * 3) ** 2)
     if len(surfaces.gaps):
         noise = scale * surfaces.noise
-        information += _significant(_cell_information(surfaces)) / noise**2
+        information += _information(surfaces) / noise**2
     covariance = np.linalg.inv(information)
     deviations, directions = np.linalg.eigh((covariance + covariance.T) / 2)
     loose = deviations > LOOSE**2
@@ -105,21 +108,26 @@ def direction_name(direction: FloatArray) -> str:
     return f"along {math.degrees(math.atan2(direction[1], direction[0])) % 180:.0f}°"
 
 
-def _cell_information(surfaces: Surfaces) -> FloatArray:
+def _cell_information(surfaces: Surfaces, side: float) -> FloatArray:
     """What each cell says for a noise of 1 m: (cells, 6, 6), rotations times `ARM`."""
     rows, others = (lever_rows(normals, surfaces.arms) / _ARMS for normals in surfaces.normals)
     products = (surfaces.weights[:, None] * rows)[:, :, None] * others[:, None, :]
-    keys = np.floor(surfaces.points / CELL).astype(np.int64)
+    keys = np.floor(surfaces.points / side).astype(np.int64)
     _, cell, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
     sums: NDArray[np.float64] = np.zeros((len(counts), 6, 6))
     np.add.at(sums, cell.ravel(), products + products.transpose(0, 2, 1))
     return sums / (2 * counts[:, None, None])
 
 
-def _significant(cells: FloatArray) -> FloatArray:
-    """The cells' information (6, 6), along each eigenvector as much as exceeds its error."""
-    directions = np.linalg.eigh(cells.sum(axis=0))[1]
-    each = np.einsum("iv,cij,jv->cv", directions, cells, directions)
-    error = _SIGNIFICANT * np.sqrt((each**2).sum(axis=0)) + len(cells) * _FLAT**2
-    enough = each.sum(axis=0) - error
-    return np.asarray((directions * np.maximum(enough, 0)) @ directions.T)
+def _information(surfaces: Surfaces) -> FloatArray:
+    """All cells' information (6, 6), along each eigenvector the share that exceeds its error.
+
+    The error is told by small cells: normals err apart where surfaces are off together.
+    """
+    every = _cell_information(surfaces, CELL).sum(axis=0)
+    values, directions = np.linalg.eigh(every)
+    small = _cell_information(surfaces, _SMALL)
+    each = np.einsum("iv,cij,jv->cv", directions, small, directions)
+    error = _SIGNIFICANT * np.sqrt((each**2).sum(axis=0)) + len(each) * _FLAT**2
+    share = np.clip(1 - error / np.maximum(each.sum(axis=0), 1e-12), 0, 1)
+    return np.asarray((directions * np.maximum(values, 0) * share) @ directions.T)

@@ -86,7 +86,8 @@ def brought_together(
             return transform, False
         rows = lever_rows(_middle(*surfaces.normals), surfaces.arms)
         weighted = rows.T * (surfaces.weights / surfaces.noise**2)
-        step = -np.linalg.solve(weighted @ rows + known, weighted @ surfaces.gaps + known @ moved)
+        pull = weighted @ surfaces.gaps + known @ moved
+        step: FloatArray = np.negative(np.linalg.solve(weighted @ rows + known, pull), dtype=float)
         transform, moved = moved_by(transform, step), moved + step
         if np.abs(step).max() < _SHORT:
             return transform, True
