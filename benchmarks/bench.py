@@ -1,6 +1,6 @@
 """How long every stage takes, from points to hits, beside the usual routes.
 
-    python benchmarks/bench.py [--stages scan,cache,search,training] [--most 100000] [--runs 30]
+    python benchmarks/bench.py [--stages scan,cache,search,locate,training] [--most 100000]
 
 One thread. Writes bench.json and bench.md to outputs/bench and prints the table as it grows. With
 --device cuda it measures what runs on a GPU. Sizes of maps are 1k, 10k, 100k and 1M places, up to
@@ -22,7 +22,7 @@ import torch  # noqa: E402
 from timing import Row, bandwidth, machine  # noqa: E402
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
-STAGES = ("scan", "cache", "search", "training")
+STAGES = ("scan", "cache", "search", "locate", "training")
 
 #: What the ratios below the table are of: the faster, the slower, their number of things.
 RATIOS = (
@@ -38,6 +38,7 @@ RATIOS = (
 
 def measure(stages: list[str], runs: int, most: int, device: str) -> Iterator[Row]:
     """All rows that are asked for, one after the other."""
+    import localization_stages
     import scan_stages
     import search_stages
     import training_stages
@@ -61,13 +62,17 @@ def measure(stages: list[str], runs: int, most: int, device: str) -> Iterator[Ro
         yield from search_stages.two_stage(runs, sizes)
         yield from search_stages.context_stage(runs, sizes[:3])
         yield from search_stages.vector_stage(runs, sizes[:3])
+    if "locate" in stages:
+        yield from localization_stages.locate_stages(runs, min(10_000, most))
     if "training" in stages:
         yield from training_stages.training_stages(runs)
 
 
 def ratios(rows: list[Row]) -> list[str]:
-    """How many times faster, where both were measured."""
-    lines = []
+    """How many times faster, where both were measured, and whether targets are reached."""
+    from localization_stages import targets
+
+    lines = targets(rows)
     for fast, slow, n in RATIOS:
         times = {row.what: row.median for row in rows if row.n == n}
         if fast in times and slow in times:

@@ -5,7 +5,9 @@
 
 Each DATA=FOLDER is a file of conf/data: its test region (the whole drive where it has none), its
 two sessions or a drive's first passes and revisits, its spacings. Right is within 2 m and 5°.
---blind takes a sector of each query away, at a random angle. The usual thresholds are judged.
+--blind takes a sector of each query away, at a random angle. --sector leaves one of each query,
+as a sensor of that field of view has: forward, or with --sideways at a random angle; --map-sector
+leaves one of each place, forward. The usual thresholds are judged.
 --calibrate prints those that reach a precision on all of them together and as many scans that are
 nowhere in the map: each dataset's queries in the map of another one of its kind.
 """
@@ -22,6 +24,7 @@ from omegaconf import OmegaConf
 from deepring.core.rigid import pose_from, rotation_from_rpy, turn_points, yaw_after_turn
 from deepring.data.dataset import DatasetConfig, PlaceDataset, RetrievalSet
 from deepring.data.scan_set import ScanSet
+from deepring.errors import BrokenScanError
 from deepring.localization.calibration import (
     LocalizationTrials,
     Tolerance,
@@ -49,22 +52,33 @@ def retrieval(name: str, root: str, spacing: float | None, whole: bool) -> Retri
     return dataset.retrieval("whole" if whole else "test")
 
 
-def map_of(scans: ScanSet, network) -> Map:
+def map_of(scans: ScanSet, network, sector: float) -> Map:
     place_map = Map(network, scans.ground_z)
     for k in scans.indices.tolist():
-        place_map.add([scans.session.points(k)], scans.session.poses[k : k + 1], [str(k)])
+        points = seen(scans.session.points(k), sector, 0.0)
+        try:
+            place_map.add([points], scans.session.poses[k : k + 1], [str(k)])
+        except BrokenScanError as error:
+            print(f"left out: {error}")
     return place_map
 
 
-def queries(scans: ScanSet, blind: float, seed: int) -> Iterator:
+def seen(points: np.ndarray, sector: float, middle: float) -> np.ndarray:
+    """The points in a field of view of ``sector`` degrees around the azimuth ``middle``."""
+    away = np.degrees(np.arctan2(points[:, 1], points[:, 0])) - middle
+    return points[np.abs((away + 180) % 360 - 180) <= sector / 2]
+
+
+def queries(scans: ScanSet, sector: float, sideways: bool, seed: int) -> Iterator:
+    """Scans and their poses; turned, where the dataset says so, after the sector is cut."""
     rng = np.random.default_rng(seed)
     turns = np.zeros(len(scans)) if scans.turns is None else scans.turns
     for k, turn in zip(scans.indices.tolist(), turns, strict=True):
-        points = turn_points(scans.session.points(k), float(turn))
-        away = np.degrees(np.arctan2(points[:, 1], points[:, 0])) - rng.uniform(0, 360)
+        middle = rng.uniform(-180, 180) if sideways else 0.0
+        points = seen(scans.session.points(k), sector, middle)
         yaw = yaw_after_turn(0.0, float(turn))
         sensor = pose_from(rotation_from_rpy(0, 0, yaw), np.zeros(3))
-        yield points[away % 360 >= blind], scans.session.poses[k] @ sensor
+        yield turn_points(points, float(turn)), scans.session.poses[k] @ sensor
 
 
 def elsewhere(maps: list[tuple[str, Map, list]]) -> Iterator[LocalizationTrials]:
@@ -96,7 +110,10 @@ def main() -> None:
     parser.add_argument("--checkpoint", default="shipped")
     parser.add_argument("--spacing", type=float, help="metres between map places")
     parser.add_argument("--whole", action="store_true", help="drives and not test regions")
-    parser.add_argument("--blind", type=float, default=0.0, help="degrees")
+    parser.add_argument("--blind", type=float, default=0.0, help="degrees, at a random angle")
+    parser.add_argument("--sector", type=float, default=360.0, help="degrees left of a query")
+    parser.add_argument("--sideways", action="store_true", help="the sector at a random angle")
+    parser.add_argument("--map-sector", type=float, default=360.0, help="degrees left of a place")
     parser.add_argument("--every", type=int, default=1, help="take each N-th query")
     parser.add_argument("--calibrate", type=float, metavar="PRECISION")
     parser.add_argument("--seed", type=int, default=0, help="of the blind sectors")
@@ -105,12 +122,13 @@ def main() -> None:
     network = load_network(args.checkpoint).method
     print("| | queries | within 10 m | of them right | m | ° | precision | recall | ms |")
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    sector, sideways = min(args.sector, 360 - args.blind), args.sideways or args.blind > 0
     every, maps = [], []
     for item in args.data:
         name, _, root = item.partition("=")
         split = retrieval(name, root, args.spacing, args.whole)
-        place_map = map_of(split.database, network)
-        scans = list(queries(split.query, args.blind, args.seed))[:: args.every]
+        place_map = map_of(split.database, network, args.map_sector)
+        scans = list(queries(split.query, sector, sideways, args.seed))[:: args.every]
         maps.append((name, place_map, scans))
         place_map.localize(scans[0][0])  # compiles
         started = time.perf_counter()

@@ -4,8 +4,8 @@
 
 Unrelated are scans of different worlds of one kind, and scans of one world at least 150 m apart;
 neighbours are up to 10 m apart. ``--cells`` leaves each image the given number of cells, those
-nearest to a random one: how well images fit that show little. See FIT_WITHOUT_RIVAL and FEW_CELLS
-in `deepring.localization.location`.
+nearest to a random one: how well images fit that show little. See FEW_CELLS and
+FIT_TIMES_ROOT_OF_CELLS in `deepring.localization.location`.
 """
 
 import argparse
@@ -15,7 +15,7 @@ import torch
 
 from deepring.data.readers import ground_of, list_sessions, open_session
 from deepring.data.spacing import sample_by_distance
-from deepring.localization.location import FIT_WITHOUT_RIVAL
+from deepring.localization.location import Location
 from deepring.localization.map import Map
 from deepring.localization.observation import Observation
 from deepring.methods.network_file import load_network
@@ -56,13 +56,13 @@ def heap(image: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     return out
 
 
-def fit(network, place: np.ndarray, scan: np.ndarray) -> float:
-    """Fit of a scan in a map of one place."""
+def located(network, place: np.ndarray, scan: np.ndarray) -> Location:
+    """Where a scan is in a map of one place."""
     images = np.stack([place, scan])
     descriptors = network.describe(torch.from_numpy(images)).cpu()
     place_map = Map(network)
     place_map.add_observation(Observation(images[:1], descriptors[:1]), np.eye(4)[None], ["a"])
-    return place_map.localize_observation(Observation(images[1:], descriptors[1:])).fit
+    return place_map.localize_observation(Observation(images[1:], descriptors[1:]))
 
 
 def main() -> None:
@@ -76,7 +76,7 @@ def main() -> None:
     counts = [int(image.sum()) for world in worlds for image in world.images]
     print(f"cells: {min(counts)} to {max(counts)} in {len(counts)} scans")
     for near in (False, True):
-        fits = []
+        found = []
         for one in worlds:
             for other in worlds:
                 if one.kind != other.kind:
@@ -85,11 +85,11 @@ def main() -> None:
                     pair = one.images[place], other.images[scan]
                     if args.cells:
                         pair = tuple(heap(image, args.cells, rng) for image in pair)
-                    fits.append(fit(network, *pair))
-        part = np.mean(np.array(fits) >= FIT_WITHOUT_RIVAL)
+                    found.append(located(network, *pair))
+        fits, trusted = np.array([(one.fit, one.trusted) for one in found]).T
         high = ", ".join(f"{q:g} % up to {np.percentile(fits, q):.3f}" for q in (50, 90, 99, 100))
         print(f"{'neighbours' if near else 'unrelated'}: {len(fits)} pairs, {high}; ", end="")
-        print(f"{part:.3f} at least {FIT_WITHOUT_RIVAL:g}", flush=True)
+        print(f"trusted {trusted.sum():.0f}, {trusted.mean():.4f}", flush=True)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import math
+import sys
 from functools import partial
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from deepring.core.rigid import pose_from
+from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.readers.nclt import open_nclt
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.map import Map
@@ -71,6 +72,71 @@ def test_scans_are_located_as_a_table_json_and_csv(place_map, second, tmp_path, 
         assert float(other["x"]) == row["x"]
 
 
+def test_the_whole_pose_is_given_as_a_table_json_and_csv(place_map, second, here):
+    names = [str(second.files[k]) for k in (0, 3)]
+    options = ["--format", "nclt", "--refine", "--as"]
+    lines = here("localize", place_map, *names, *options, "json").stdout
+    rows = [json.loads(line) for line in lines.splitlines()]
+    table = here("localize", place_map, *names, *options, "csv").stdout
+    for row, k, other in zip(rows, (0, 3), csv.DictReader(io.StringIO(table)), strict=True):
+        refined, truth = row["refined"], second.poses[k]
+        assert refined["converged"]
+        assert refined["doubt"] == (None if row["trusted"] else "location")
+        pose, covariance = np.array(refined["pose"]), np.array(refined["covariance"])
+        assert np.linalg.norm(pose[:3, 3] - truth[:3, 3]) < 0.2
+        assert np.degrees(Rotation.from_matrix(truth[:3, :3].T @ pose[:3, :3]).magnitude()) < 0.5
+        assert covariance.shape == (6, 6)
+        assert np.linalg.eigvalsh(covariance)[0] > 0
+        assert other["refined_covariance"].split(" ")[0] == f"{covariance[0, 0]:.9g}"
+        assert len(other["refined_covariance"].split(" ")) == 36
+        angles = [float(other[f"refined_{name}"]) for name in ("roll", "pitch", "yaw")]
+        np.testing.assert_allclose(rotation_from_rpy(*angles), pose[:3, :3], atol=1e-9)
+        assert float(other["refined_z"]) == pose[2, 3]
+        assert other["refined_doubt"] == (refined["doubt"] or "")
+        assert float(other["x"]) == row["x"]  # the location stands beside it
+    shown = here("localize", place_map, *names, "--format", "nclt", "--refine").stdout
+    assert "roll °" in shown
+    assert "unobservable" not in shown
+
+
+def test_a_tunnel_is_said_to_hold_nothing_along_it(tmp_path, here):
+    rng = np.random.default_rng(0)
+
+    def tunnel():
+        along, across = rng.uniform(-40, 40, (4, 4000)), rng.uniform(0, 1, (4, 4000))
+        far = np.full(4000, 4.0)
+        sides = [(8 * across[0] - 4, far - 5.8), (8 * across[1] - 4, far - 1),
+                 (far, 4.8 * across[2] - 1.8), (-far, 4.8 * across[3] - 1.8)]  # fmt: skip
+        parts = [np.c_[x, y, z] for x, (y, z) in zip(along, sides, strict=True)]
+        return np.concatenate(parts) + rng.normal(0, 0.02, (16000, 3))
+
+    place_map = Map(load_network("shipped").method, -1.8, points=True)
+    place_map.add([tunnel()], np.eye(4)[None], ["a"])
+    place_map.save(tmp_path / "one.map")
+    np.save(tmp_path / "scan.npy", tunnel())
+    assert "unobservable" in here("localize", "one.map", "scan.npy", "--refine").stdout
+    row = json.loads(here("localize", "one.map", "scan.npy", "--refine", "--as", "json").stdout)
+    (direction,) = row["refined"]["unobservable"]
+    assert direction["name"] in ("along 0°", "along 180°")
+    assert row["refined"]["covariance"][0][0] > 0.25
+    assert row["refined"]["covariance"][1][1] < 0.01
+
+
+def test_refining_without_points_or_library_is_refused_before_a_scan_is_read(
+    second, tmp_path, here, monkeypatch
+):
+    for points in (False, True):
+        bare = Map(load_network("shipped").method, points=points)
+        bare.add([scattered(0)], np.eye(4)[None], ["a"])
+        bare.save(tmp_path / f"{points}.map")
+    (tmp_path / "broken.pcd").write_text("no scan")
+    scan = tmp_path / "broken.pcd"
+    refused(here("localize", "False.map", scan, "--refine"), "False.map", "holds no points",
+            "map build --points")  # fmt: skip
+    monkeypatch.setitem(sys.modules, "small_gicp", None)
+    refused(here("localize", "True.map", scan, "--refine"), "pip install 'deepring[refine]'")
+
+
 def test_trust_is_calibrated_on_another_drive(place_map, tiny_nclt, tmp_path, here):
     drive = [tiny_nclt, "--session", "2031-03-17", "--spacing", 20, "--precision", 0.5]
     done = here("map", "calibrate", place_map, *drive, "-o", "sure.map")
@@ -85,8 +151,25 @@ def test_trust_is_calibrated_on_another_drive(place_map, tiny_nclt, tmp_path, he
     refused(here("map", "calibrate", place_map, *drive, "-o", "b.map"), "no thresholds")
 
 
-def test_a_map_of_one_place_cannot_tell_other_places(second, tmp_path, here):
-    """Nothing is compared there: a wrong scan's fit of 0.21 to 0.26 was enough for trust."""
+def test_two_maps_are_put_together(place_map, tiny_nclt, checkpoint, second, tmp_path, here):
+    options = ["--checkpoint", checkpoint, "--session", "2031-03-17", "--spacing", 5]
+    assert here(*BUILD, tiny_nclt, "-o", "b.map", *options).returncode == 0
+    done = here("map", "merge", place_map, "b.map", "-o", "both.map")
+    assert done.returncode == 0, done.stderr
+    assert "agree, to 0." in done.stdout
+    assert "only one of the maps keeps them" in done.stderr
+    both = Map.open(tmp_path / "both.map", check=True)
+    assert len(both) == len(Map.open(place_map)) + len(Map.open(tmp_path / "b.map"))
+    frame = done.stdout.partition("frame        ")[2].splitlines()[0]
+    x, y, _, yaw = (float(part.split()[1]) for part in frame.split(", "))
+    assert math.hypot(x, y) < 1  # the two drives have one world
+    assert abs(yaw) < 1
+    refused(here("map", "merge", place_map, "b.map", "-o", "both.map"), "exists")
+    refused(here("map", "merge", place_map, "absent.map", "-o", "c.map"), "absent.map")
+
+
+def test_a_map_of_one_place_tells_other_places(tmp_path, here):
+    """Nothing else is compared there: a wrong scan's fit of 0.21 to 0.26 was enough for trust."""
     place_map = Map(load_network("shipped").method)
     place_map.add([scattered(0)], np.eye(4)[None], ["a"])
     fits = [place_map.localize(scattered(seed)).fit for seed in range(1, 9)]
@@ -100,14 +183,18 @@ def test_a_map_of_one_place_cannot_tell_other_places(second, tmp_path, here):
         for line in here("localize", "one.map", "scans", "--as", "json").stdout.splitlines()
     ]
     assert [row["trusted"] for row in rows] == [True, *[False] * 8]
-    assert [row["doubt"] for row in rows] == [None, *["no rival"] * 8]
-    assert {row["ratio"] for row in rows} == {None}
-    table = here("localize", "one.map", "scans").stdout
-    assert table.count("cannot tell: no rival") == 8
+    doubts = [row["doubt"] for row in rows]
+    assert doubts == [None, *["ratio"] * 8]
+    assert all(0.5 < row["ratio"] < 1.41 for row in rows[1:])
+    # 672 cells ask for a fit of 0.15, whatever the thresholds.
+    place_map.thresholds = AcceptanceThresholds(fit=min(fits), ratio=0.0)
+    place_map.save(tmp_path / "any.map")
+    table = here("localize", "any.map", "scans").stdout
+    assert table.count("cannot tell: few cells") == 8
     csv_rows = csv.DictReader(
         io.StringIO(here("localize", "one.map", "scans", "--as", "csv").stdout)
     )
-    assert [row["doubt"] for row in csv_rows] == ["", *["no rival"] * 8]
+    assert [row["doubt"] for row in csv_rows] == ["", *doubts[1:]]
 
 
 def test_a_precision_that_is_no_share_is_refused_before_anything_is_read(here):
@@ -439,3 +526,36 @@ def test_a_network_is_evaluated_on_a_custom_drive(custom_drive, checkpoint, here
     done = here("evaluate", f"checkpoint={checkpoint}", *options)
     assert done.returncode == 0, done.stderr
     assert "Recall@1" in done.stdout
+
+
+def test_consecutive_scans_are_joined(place_map, second, tmp_path, here, monkeypatch):
+    """As files of a folder and as a bag; the last scan has company, the first one none."""
+    step = np.float32([0.5, 0, 0])
+    clouds = [scattered(0, n=9000) - k * step for k in range(3)]
+    half = [cloud[cloud[:, 1] * (-1) ** k > -2] for k, cloud in enumerate(clouds)]
+    (tmp_path / "scans").mkdir()
+    for k, cloud in enumerate(half):
+        np.save(tmp_path / "scans" / f"{k}.npy", cloud)
+    bag = write_bag(tmp_path, "mcap", {"/points": [message(cloud) for cloud in half]})
+    whole = Map(load_network("shipped").method)
+    whole.add([clouds[0]], np.eye(4)[None], ["a"])
+    whole.save(tmp_path / "whole.map")
+
+    def rows(*options):
+        done = here("localize", "whole.map", *options, "--as", "json")
+        assert done.returncode == 0, done.stderr
+        return [json.loads(line) for line in done.stdout.splitlines()], done.stderr
+
+    alone, _ = rows("scans")
+    joined, said = rows("scans", "--accumulate", 3)
+    assert joined[0] == alone[0]
+    assert joined[2]["fit"] > alone[2]["fit"]
+    assert math.hypot(joined[2]["x"] - 1.0, joined[2]["y"]) < 0.5
+    assert "warning" not in said
+    of_bag, _ = rows(bag, "--accumulate", 3)
+    assert [row["fit"] for row in of_bag] == [row["fit"] for row in joined]
+    np.save(tmp_path / "scans" / "3.npy", scattered(7, n=9000))
+    assert "1 scans do not overlap" in rows("scans", "--accumulate", 3)[1]
+    monkeypatch.setitem(sys.modules, "kiss_icp.kiss_icp", None)
+    refused(here("localize", "no.map", "scans", "--accumulate", 2), "deepring[odometry]")
+    assert rows("scans")[0][:3] == alone

@@ -38,6 +38,11 @@ def test_each_mode_is_a_row_that_says_what_it_is(ring, tmp_path):
     assert len(list((tmp_path / "run" / "retrievals").glob("*.csv"))) == 3
 
 
+def test_pose_re_ranking_is_a_row_by_default_and_can_be_left_out(ring):
+    assert ring().evaluation.rerank == ["pose"]
+    assert ring("evaluation.rerank=[]").evaluation.rerank == []
+
+
 def test_modes_that_are_none_are_refused(ring):
     with pytest.raises(DeepringError, match=r"evaluation\.rerank: 'poses'"):
         ring("evaluation.rerank=[poses]")

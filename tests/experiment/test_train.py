@@ -95,6 +95,7 @@ def small_run(compose_in, tiny_nclt, tmp_path_factory):
         "trainer.log_every_n_steps=1",
         "callbacks.progress=null",
         *SMALL,
+        "evaluation.rerank=[pose]",
     )
     return cfg, train(cfg, outputs / "run")
 
@@ -112,12 +113,9 @@ def test_a_run_leaves_everything_that_reproduces_it(small_run):
     }
     results = read_results(folder / "results.csv")
     assert (folder / "results.csv").read_text().splitlines()[0] == ",".join(COLUMNS)
-    assert {r.case.method for r in results} == {
-        "DeepRING",
-        "RING",
-        "Scan Context 20x60",
-        "Scan Context 120x120",
-    }
+    methods = ("DeepRING", "RING", "Scan Context 20x60", "Scan Context 120x120")
+    names = [name for method in methods for name in (method, f"{method} + pose re-ranking")]
+    assert list(dict.fromkeys(r.case.method for r in results)) == names
     assert {r.radius_m for r in results} == {5, 10, 15, 20, 25}
     pictures = {p.name for p in (folder / "figures").glob("*.png")}
     assert {"pr_curves.png", "recall_by_radius.png", "hits_DeepRING.png"} <= pictures
@@ -148,6 +146,7 @@ def test_evaluating_the_checkpoint_again_gives_the_same_figures(small_run, tmp_p
 
 def test_how_good_at_25_m_over_all_queries_needs_no_code(composed, tiny_nclt, tmp_path):
     choice = ("evaluation.radii=[25]", "evaluation.over=all", "evaluation.figures=false")
+    choice += ("evaluation.rerank=[]",)
     cfg = composed(f"data.root={tiny_nclt}", *choice, name="evaluate")
     results = evaluate(plan_evaluation(cfg), tmp_path / "run")
     assert [r.radius_m for r in results] == [25, 25, 25]
@@ -254,9 +253,8 @@ def test_a_query_that_cannot_be_decoded_is_left_out_everywhere(
 ):
     damaged = tmp_path / "damaged"
     shutil.copytree(tiny_kitti, damaged)
-    cfg = composed(
-        "data=kitti", f"data.root={damaged}", "evaluation.regions=[whole]", name="evaluate"
-    )
+    options = ("data=kitti", f"data.root={damaged}", "evaluation.regions=[whole]")
+    cfg = composed(*options, "evaluation.rerank=[]", name="evaluate")
     query = plan_evaluation(cfg).splits[0].query
     scan = query.session.files[query.indices[int(which * (len(query) - 1))]]
     scan.write_bytes(bytes(1600))  # a hundred records without one valid point

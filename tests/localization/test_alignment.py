@@ -99,7 +99,9 @@ def test_the_correlation_is_the_direct_sum_over_shifts():
     whole = [torch.fft.irfft2(s, s=(16, 16)) * 16 for s in half_whitened(images, small)]
     assert float(whole[0].square().sum()) == pytest.approx(1.0, abs=1e-5)
     cells = occupied_cells(images[1], small)
-    curves = correlations(cells, half_whitened(images[:1], small), torch.zeros(1), small)[0]
+    turned = half_whitened(turned_images(cells, torch.zeros(1), small), small)
+    pair = torch.tensor([[0, 0]])
+    curves = correlations(half_whitened(images[:1], small), turned, pair, small)[0]
     assert curves.shape == (16, 16)
     for i, j in itertools.product(range(-3, 4), repeat=2):
         direct = float((whole[0] * whole[1].roll((i, j), dims=(0, 1))).sum())

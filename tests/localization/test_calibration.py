@@ -20,7 +20,11 @@ from deepring.localization.calibration import (
     run_trials,
 )
 from deepring.localization.candidates import RerankSettings
-from deepring.localization.location import FIT_WITHOUT_RIVAL, AcceptanceThresholds
+from deepring.localization.location import (
+    FEW_CELLS,
+    FIT_TIMES_ROOT_OF_CELLS,
+    AcceptanceThresholds,
+)
 from deepring.localization.map import Map
 from helpers.networks import small_network
 
@@ -41,25 +45,25 @@ def trials(fit, ratio, right, nearest=0.0):
 @given(
     seed=st.integers(0, 10**6),
     precision=st.sampled_from([0.5, 0.8, 0.95]),
-    lonely=st.sampled_from([0.0, 0.3, 1.0]),
+    cells=st.sampled_from([50, 150, 500]),
 )
-def test_no_thresholds_trust_more_right_ones_at_this_precision(seed, precision, lonely):
+def test_no_thresholds_trust_more_right_ones_at_this_precision(seed, precision, cells):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(3, 60))
-    # Few different ratios: equal ones have to be taken together. Some have no rival.
-    ratios = np.where(rng.random(n) < lonely, np.inf, rng.integers(1, 8, n) / 2)
-    some = trials(rng.uniform(0, 0.6, n), ratios, rng.random(n) < 0.8)
+    # Few different ratios: equal ones have to be taken together. Some show little.
+    some = trials(rng.uniform(0, 0.6, n), rng.integers(1, 8, n) / 2, rng.random(n) < 0.8)
+    some.cells[: n // 2] = cells
     right = some.correct(Tolerance())
+    tell = (some.cells >= FEW_CELLS) & (some.fit * some.cells**0.5 >= FIT_TIMES_ROOT_OF_CELLS)
     most = 0
     for fit in FITS:
-        for ratio in np.unique(some.ratio[np.isfinite(some.ratio)]):
-            alone = np.isinf(some.ratio) & (some.fit >= max(fit, FIT_WITHOUT_RIVAL))
-            chosen = alone | np.isfinite(some.ratio) & (some.fit >= fit) & (some.ratio >= ratio)
+        for ratio in np.unique(some.ratio):
+            chosen = tell & (some.fit >= fit) & (some.ratio >= ratio)
             good = int((chosen & right).sum())
             if good >= precision * (chosen.sum() + 1):
                 most = max(most, good)
     if most == 0:
-        with pytest.raises(DeepringError, match=r"reached by no thresholds|second place"):
+        with pytest.raises(DeepringError, match="reached by no thresholds"):
             calibrate(some, precision)
         return
     found = calibrate(some, precision)
@@ -67,7 +71,6 @@ def test_no_thresholds_trust_more_right_ones_at_this_precision(seed, precision, 
     assert int((chosen & right).sum()) == most
     assert found.trusted == chosen.sum()
     assert found.precision == most / chosen.sum() >= precision
-    assert math.isfinite(found.thresholds.ratio)
 
 
 def test_a_few_right_ones_do_not_make_a_high_precision():
@@ -91,14 +94,16 @@ def test_recall_counts_the_scans_near_the_map_alone():
     assert found.recall == pytest.approx(2 / 3)
 
 
-def test_without_rivals_there_is_no_ratio_to_calibrate():
-    """It would be infinite, and trust just those locations that nothing was compared with."""
-    with pytest.raises(DeepringError, match="none of 200 scans has a second place"):
+def test_a_threshold_is_a_number():
+    """A map file holds no infinite one, and NaN is no ratio."""
+    with pytest.raises(DeepringError, match="reached by no thresholds"):
         calibrate(trials([0.5] * 200, [math.inf] * 200, [True] * 200), 0.9)
     with pytest.raises(DeepringError, match="0 of 0 scans"):
         calibrate(trials([], [], []), 0.9)
-    with pytest.raises(DeepringError, match="none of 9 scans has a second place"):
+    with pytest.raises(DeepringError, match="reached by no thresholds"):
         calibrate(trials([0.5] * 9, [math.nan] * 9, [True] * 9), 0.5)
+    some = trials([0.5] * 200, [math.inf] * 100 + [2.0] * 100, [True] * 200)
+    assert calibrate(some, 0.9).thresholds.ratio == 2.0
 
 
 @pytest.mark.parametrize("precision", [0.0, 1.0, -1, math.nan])

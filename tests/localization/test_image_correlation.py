@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from deepring.localization import image_correlation
 from deepring.localization.alignment_settings import AlignmentSettings
 from deepring.localization.image_correlation import (
-    correlations,
+    best_fits,
     half_whitened,
     occupied_cells,
     peaks,
@@ -41,10 +41,9 @@ def test_compiled_loops_and_plain_torch_agree(monkeypatch, cells, padded, reach)
         (smaller_images, (images,)),
         (half_whitened, (images,)),
         (half_whitened, (torch.zeros(1, cells, cells),)),
-        (correlations, (inside, half_whitened(images[1:3], small), turns)),
+        (best_fits, (inside, half_whitened(images[1:3], small), turns)),
     ):
         compiled, plain = both(monkeypatch, function, *arguments, small)
-        assert compiled.shape == plain.shape
         torch.testing.assert_close(compiled, plain, atol=1e-4, rtol=1e-4)
 
 
@@ -53,14 +52,14 @@ def test_compiled_loops_and_plain_torch_agree(monkeypatch, cells, padded, reach)
 def test_compiled_and_plain_peaks_agree(seed, reach):
     small = AlignmentSettings(15, extent=7.5, padded=18, reach=reach)
     generator = torch.Generator().manual_seed(seed)
-    curves = torch.rand(2, 3, 18, 18, generator=generator)
+    curves = torch.rand(6, 18, 18, generator=generator)
     with pytest.MonkeyPatch.context() as patch:
         compiled, plain = both(patch, peaks, curves, small)
     for ours, theirs in zip(compiled, plain, strict=True):
         torch.testing.assert_close(ours, theirs)
     # No shift beyond the reach; 18 cells have 8 on either side.
     assert compiled[1].abs().max() <= min(reach, 8) + 1
-    assert (compiled[0] <= curves.flatten(2).amax(dim=-1)).all()
+    assert (compiled[0] <= curves.flatten(1).amax(dim=-1)).all()
 
 
 @pytest.mark.parametrize("cells", [24, 15, 1])
@@ -89,12 +88,27 @@ def test_turns_that_differ_by_rounding_are_turned_once(monkeypatch):
     images, turned = some_images(3, 24), []
     inside, spectra = occupied_cells(images[0], small), half_whitened(images[1:], small)
     turns = torch.tensor([[0.5, 2.0, 0.5 + 1e-7], [2.0 - 2e-7, 0.5, 1.0]])
-    expected = correlations(inside, spectra, turns, small)
+    expected = best_fits(inside, spectra, turns, small)
     plain = image_correlation.turned_images
     monkeypatch.setattr(
         image_correlation,
         "turned_images",
         lambda cells, turns, settings: turned.append(turns) or plain(cells, turns, settings),
     )
-    torch.testing.assert_close(correlations(inside, spectra, turns, small), expected)
+    torch.testing.assert_close(best_fits(inside, spectra, turns, small), expected)
     assert [len(distinct) for distinct in turned] == [3]
+
+
+def test_parts_of_any_size_give_the_same(monkeypatch):
+    small = AlignmentSettings(24, extent=12.0, padded=36)
+    images = some_images(7, 24)
+    inside, turns = occupied_cells(images[0], small), torch.rand(6, 2, 3)
+
+    def fits():
+        return best_fits(inside, half_whitened(images[1:], small), turns, small)
+
+    whole = fits()
+    monkeypatch.setattr(image_correlation, "_HELD", 5 * 36**2)
+    torch.testing.assert_close(fits(), whole)
+    monkeypatch.setattr(image_correlation, "_HELD", 1)
+    torch.testing.assert_close(fits(), whole)

@@ -13,6 +13,7 @@ from deepring.errors import BrokenScanError, DeepringError, FileError
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.map import Map
+from deepring.localization.observation import Observation
 from deepring.search.search_settings import SearchSettings
 from helpers.networks import small_network
 from helpers.sealed_files import parts_of, rewritten
@@ -42,6 +43,37 @@ def test_scans_of_another_drive_are_located(place_map, drives, turn):
         assert abs(off) < math.radians(5)
         assert location.name == place_map.places.names[location.place]
         assert 0 < location.fit <= 1
+
+
+def test_a_map_that_grows_place_by_place_copies_each_a_few_times(monkeypatch):
+    copied = 0
+    copy, cat = torch.Tensor.copy_, torch.cat
+
+    def counted(self, other, *args):
+        nonlocal copied
+        copied += other.numel() * other.element_size()
+        return copy(self, other, *args)
+
+    def joined(tensors, *args, **kwargs):
+        nonlocal copied
+        out = cat(tensors, *args, **kwargs)
+        copied += out.numel() * out.element_size()
+        return out
+
+    monkeypatch.setattr(torch.Tensor, "copy_", counted)
+    monkeypatch.setattr(torch, "cat", joined)
+    growing = Map(small_network())
+    images = np.zeros((1, *growing.raster.shape), dtype=np.bool_)
+    images[0, :10, 60] = True
+    shape = growing.network.descriptor_shape
+    generator, pose = torch.Generator().manual_seed(0), np.eye(4)[None]
+    for k in range(120):
+        one = torch.rand(1, *shape, generator=generator)
+        growing.add_observation(Observation(images, one), pose, [str(k)])
+    held = copied
+    size = sum(t.nbytes for block in growing.index.places.blocks() for t in block.values())
+    size += sum(t.nbytes for t in growing.places.tensors().values())
+    assert size <= held < 4 * size  # copying all others each time takes 60 times the size
 
 
 def test_a_scan_may_have_its_ground_elsewhere(place_map, drives):
@@ -150,7 +182,7 @@ def test_altered_bytes_are_told_where_they_are_checked(saved):
 
 def test_other_versions_and_kinds_are_told(saved):
     rewritten(saved, stated={"version": 99})
-    with pytest.raises(FileError, match="format version 99, expected 3; build it again"):
+    with pytest.raises(FileError, match="format version 99, expected 4; build it again"):
         Map.open(saved)
     rewritten(saved, stated={"version": 3, "kind": "network"})
     with pytest.raises(FileError, match="a file of kind 'network'; expected a map"):

@@ -189,7 +189,7 @@ def test_any_other_header_is_refused_or_locates(written, data):
         inner = stated["values"]
         for key in path[:-1]:
             inner = inner[key]
-        inner[path[-1]] = data.draw(EVIL)
+        inner[path[-1]] = copy.deepcopy(data.draw(EVIL))  # the next change may be within it
     strange = put_together(written.with_name("any.map"), stated, tensors)
     try:
         place_map = Map.open(strange)

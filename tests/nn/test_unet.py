@@ -153,3 +153,15 @@ def test_group_norm_takes_widths_that_eight_does_not_divide():
 def test_bad_arguments_are_named(name, arguments):
     with pytest.raises(DeepringError, match=rf"encoder.*{name}"):
         CircularUNet(**{"widths": (2, 2), **arguments})
+
+
+@pytest.mark.parametrize("tau", ["circular", "zero"])
+def test_without_a_gradient_the_values_are_the_same(tau):
+    unet = make_unet(tau=tau)
+    with torch.enable_grad():
+        expected = unet(sinogram().requires_grad_())
+    with torch.no_grad():
+        assert torch.equal(unet(sinogram()), expected)
+        holes = sinogram()
+        holes[0, 0, 3, 5] = torch.nan  # what is not known stays unknown
+        assert torch.isnan(unet(holes)[0]).any()

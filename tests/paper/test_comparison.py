@@ -433,6 +433,24 @@ def test_what_differs_from_the_original_stands_below_the_first_table():
     assert not any("sparse" in text for text in grids["table2"].notes)
 
 
+def test_a_re_ranked_row_stands_below_its_method_and_beside_no_value_of_the_papers():
+    def with_candidates_aligned(made):
+        further = [
+            replace(r, case=replace(r.case, method=f"{r.case.method} + pose re-ranking"))
+            for r in made.results
+        ]
+        return replace(made, results=[*made.results, *further])
+
+    runs = sweep()
+    grid = shown([with_candidates_aligned(made) for made in runs])["table1"]
+    of_first = texts(grid)[:6]
+    assert [row[1] for row in of_first[::2]] == ["RING", "DiSCO", "DeepRING"]
+    for own, reranked in zip(of_first[::2], of_first[1::2], strict=True):
+        assert reranked[1] == f"{own[1]} + pose re-ranking"
+        assert [own[column] for column in (3, 5, 7)] != [reranked[column] for column in (3, 5, 7)]
+        assert {reranked[column] for column in (3, 5, 7)} == {"-"}
+
+
 def test_the_papers_slips_are_named_where_they_are_shown():
     def slips(grid):
         return [note for note in grid.notes if "slip" in note]

@@ -28,11 +28,9 @@ def add_format(
     )
 
 
-def add_drive(parser: Parser) -> None:
+def add_drive(parser: Parser, what: str = "folder of the dataset, or a drive.yaml") -> None:
     """The options that name a drive."""
-    parser.add_argument(
-        "root", type=Path, metavar="FOLDER", help="folder of the dataset, or a drive.yaml"
-    )
+    parser.add_argument("root", type=Path, metavar="FOLDER", help=what)
     add_format(parser)
     add_session(parser, "session, if the folder holds several")
     add_ground(parser, "the drive's")

@@ -21,7 +21,7 @@ FORMS = ("table", "json", "csv")
 
 
 def add_map(parser: Parser) -> None:
-    """``deepring map build | info | calibrate``."""
+    """``deepring map build | info | calibrate | merge``."""
     add = subcommands(parser)
     _add_build(add("build", help="build a map of one drive", description="Build a map of a drive."))
     shower = add("info", help="show what a map holds", description="Show what a map holds, after "
@@ -35,13 +35,28 @@ def add_map(parser: Parser) -> None:
             description="Set the thresholds of trust with a second drive in the map's world.",
         )
     )
+    _add_merge(
+        add(
+            "merge",
+            help="put two maps together",
+            description="Find where map B lies in map A by locating its places there, and write a "
+            "map of both, in the frame of A and with its network and thresholds.",
+        )
+    )
 
 
 def _add_build(parser: Parser) -> None:
-    add_drive(parser)
+    clouds = ".pcd, .ply, .las, .laz, folder of tiles"
+    add_drive(parser, f"folder of the dataset, a drive.yaml, or a point cloud: {clouds}")
     add_network(parser)
     add_output(parser, "MAP", "the new map")
-    add_metres(parser, "--spacing", 10.0, "metres between places")
+    parser.add_argument(
+        "--spacing",
+        type=number(0, "metres"),
+        metavar="M",
+        help="metres between places (10; 5 in a point cloud without --path)",
+    )
+    _add_cloud(parser)
     parser.add_argument(
         "--precision",
         default="int8",
@@ -53,6 +68,28 @@ def _add_build(parser: Parser) -> None:
         help="keep the places' points, thinned, for `localize --refine`; the map becomes larger",
     )
     parser.runs("deepring.cli.map_command:build")
+
+
+def _add_cloud(parser: Parser) -> None:
+    parser.add_argument(
+        "--path",
+        type=Path,
+        metavar="FILE",
+        help="of a point cloud: poses that were driven, TUM or KITTI; places are put along them",
+    )
+    parser.add_argument(
+        "--height",
+        type=number(0.1, "metres"),
+        metavar="M",
+        help="of a point cloud: metres of the localising sensor above the ground (1.73)",
+    )
+    parser.add_argument(
+        "--fov",
+        type=number(unit="degrees"),
+        nargs=2,
+        metavar=("LOW", "HIGH"),
+        help="of a point cloud: elevations that the sensor sees, degrees (-25 20)",
+    )
 
 
 def _add_calibrate(parser: Parser) -> None:
@@ -69,6 +106,13 @@ def _add_calibrate(parser: Parser) -> None:
     add_metres(parser, "--within", 2.0, "largest error of a right location, metres")
     add_metres(parser, "--spacing", 5.0, "metres between scans")
     parser.runs("deepring.cli.map_command:calibrate_map", metres="--within")
+
+
+def _add_merge(parser: Parser) -> None:
+    parser.add_argument("first", type=Path, metavar="A")
+    parser.add_argument("second", type=Path, metavar="B")
+    add_output(parser, "MAP", "the new map")
+    parser.runs("deepring.cli.map_merge_command:merge", first="A", second="B")
 
 
 def add_localize(parser: Parser) -> None:
@@ -91,6 +135,14 @@ def add_localize(parser: Parser) -> None:
         metavar="N",
         help="take every N-th scan of a bag or a drive (%(default)s)",
     )
+    parser.add_argument(
+        "--accumulate",
+        type=whole(1),
+        default=1,
+        metavar="N",
+        help="join each scan with up to N - 1 before it, for sensors that see little "
+        "(%(default)s; needs deepring[odometry])",
+    )
     add_session(parser, "drive, if drive.yaml describes several")
     add_ground(parser, "the map's")
     parser.add_argument(
@@ -99,6 +151,11 @@ def add_localize(parser: Parser) -> None:
         choices=FORMS,
         default="table",
         help="output format: %(choices)s (%(default)s)",
+    )
+    parser.add_argument(
+        "--refine",
+        action="store_true",
+        help="give the whole pose, with its covariance, by the points of a map built with --points",
     )
     parser.add_argument(
         "--unchecked", action="store_true", help="do not check every byte of the map"

@@ -13,19 +13,13 @@ from deepring.evaluation.counting import count
 from deepring.evaluation.look_up import BEST
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.protocol import Outcome
+from deepring.evaluation.reranked_labels import NAMES
 from deepring.evaluation.task import RetrievalTask, rows_of
 from deepring.localization.alignment import Alignment
 from deepring.localization.candidates import Rerank, RerankSettings, align_candidates, by_pose
 from deepring.localization.location import best_fit
 from deepring.progress import Progress
 from deepring.search.hits import Hits
-
-#: Labels of re-ranked methods in results, so that their rows cannot be confused.
-NAMES: dict[Rerank, str] = {
-    "pose": "{} + pose re-ranking",
-    "locate": "{} + map poses (localisation)",
-}
-
 
 Order = tuple[Tensor, Tensor]
 """Places of a query, rows (k,) int64 of the database, best first; the best one's fit k times."""

@@ -29,8 +29,8 @@ class EvaluationSettings:
     #: Save the descriptors, so that they can be scored again without scans or network.
     descriptors: bool = False
     #: Further rows of each method with its best candidates aligned: 'pose' orders them by their
-    #: distance from the query, 'locate' also uses the poses of the map.
-    rerank: list[str] = field(default_factory=list)
+    #: distance from the query, 'locate' also uses the poses of the map. [] aligns none.
+    rerank: list[str] = field(default_factory=lambda: ["pose"])
     #: Number of candidates that are aligned.
     candidates: int = 25
 

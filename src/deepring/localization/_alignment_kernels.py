@@ -79,15 +79,12 @@ def half_whiten(spectra, transfer, times):
 
 @njit(cache=True, nogil=True)
 @no_type_check
-def multiply(places, queries, which, out):
-    """Write each of n places (n, f) times the conjugate of its queries ``which`` (n, t) into
-    ``out`` (n, t, f), complex64."""
-    for k in range(places.shape[0]):
-        place = places[k]
-        for t in range(which.shape[1]):
-            query, product = queries[which[k, t]], out[k, t]
-            for f in range(place.shape[0]):
-                product[f] = place[f] * np.conj(query[f])
+def multiply(places, queries, pairs, out):
+    """Write place times conjugate query of pairs (p, 2), their numbers, into ``out`` (p, f)."""
+    for k in range(pairs.shape[0]):
+        place, query, product = places[pairs[k, 0]], queries[pairs[k, 1]], out[k]
+        for f in range(place.shape[0]):
+            product[f] = place[f] * np.conj(query[f])
 
 
 @njit(cache=True, nogil=True)
@@ -97,24 +94,21 @@ def peaks(curves, reach, height, shift):
 
     Writes their ``height`` (n,) and ``shift`` (n, 2) in cells, refined by a parabola along each
     axis. Negative shifts are at the ends of the axes."""
-    side = curves.shape[1]
     for k in range(curves.shape[0]):
         curve = curves[k]
         best, row = curve[-reach, 0], -reach
         for i in range(-reach, reach + 1):
-            top = largest(curve[i % side], reach)
+            top = largest(curve[i], reach)
             if top > best:
                 best, row = top, i
         column = -reach
-        while curve[row % side, column % side] != best and column < reach:
+        while curve[row, column] != best and column < reach:
             column += 1
         height[k] = best
         i = min(max(row, 1 - reach), reach - 1)
         j = min(max(column, 1 - reach), reach - 1)
-        up, line, down = curve[(i - 1) % side], curve[i % side], curve[(i + 1) % side]
-        here = j % side
-        shift[k, 0] = i + vertex(up[here], line[here], down[here])
-        shift[k, 1] = j + vertex(line[(j - 1) % side], line[here], line[(j + 1) % side])
+        shift[k, 0] = i + vertex(curve[i - 1, j], curve[i, j], curve[i + 1, j])
+        shift[k, 1] = j + vertex(curve[i, j - 1], curve[i, j], curve[i, j + 1])
 
 
 @njit(cache=True, nogil=True, fastmath=True)

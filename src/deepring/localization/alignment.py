@@ -13,9 +13,8 @@ from torch import Tensor
 
 from deepring.localization.alignment_settings import AlignmentSettings
 from deepring.localization.image_correlation import (
-    correlations,
+    best_fits,
     half_whitened,
-    peaks,
     smaller_images,
     vertex,
 )
@@ -47,7 +46,7 @@ def align(cells: Tensor, spectra: Tensor, turns: Tensor, settings: AlignmentSett
     which = heights.amax(dim=-1).argmax(dim=-1)  # (n,)
     rows = torch.arange(len(turns), device=turns.device)
     turn = turns[rows, which] + settings.step * vertex(*heights[rows, which].unbind(dim=-1))
-    score, shift = peaks(correlations(cells, spectra, turn, settings), settings)
+    score, shift = best_fits(cells, spectra, turn, settings)
     return Alignment(score, _wrapped(turn), shift * settings.cell)
 
 
@@ -88,7 +87,7 @@ def _tried(
     """Heights (n, y, 3) and shifts (n, y, 3, 2) of the peaks at turns (n, y), each also one step
     smaller and larger."""
     offsets = settings.step * torch.tensor([-1.0, 0.0, 1.0], device=turns.device)
-    return peaks(correlations(cells, spectra, turns[..., None] + offsets, settings), settings)
+    return best_fits(cells, spectra, turns[..., None] + offsets, settings)
 
 
 def _wrapped(turn: Tensor) -> Tensor:

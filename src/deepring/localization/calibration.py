@@ -13,7 +13,7 @@ from deepring.core.rigid import wrap_angle, yaw_of
 from deepring.data.session import Points
 from deepring.errors import DataError
 from deepring.localization.given import given_poses
-from deepring.localization.location import FEW_CELLS, AcceptanceThresholds, Location
+from deepring.localization.location import AcceptanceThresholds, Location
 from deepring.localization.map import Map
 
 Floats = NDArray[np.float64]
@@ -122,35 +122,26 @@ def calibrate(
     """The thresholds that trust the most correct locations at the required precision.
 
     One more trusted location is counted as wrong, so that a precision of 0.99 needs at least 99
-    correct ones. Locations without a rival are trusted as `AcceptanceThresholds` says. Raises
-    ConfigError for a precision that is no share between 0 and 1, and DataError where no thresholds
-    reach it, and where no location has a rival.
+    correct ones. Raises ConfigError for a precision that is no share between 0 and 1, and
+    DataError where no thresholds reach it.
     """
     checks.fraction("precision", precision)
     tolerance = tolerance or Tolerance()
     correct = trials.correct(tolerance)
-    compared = np.isfinite(trials.ratio) & (trials.cells >= FEW_CELLS)
-    if len(compared) and not compared.any():
-        raise DataError(
-            f"precision: {precision:g} cannot be calibrated: none of {len(compared)} scans has a "
-            "second place in the map to compare the first with; take a larger map"
-        )
     most, thresholds = 0, None
     for fit in FITS:
-        # Those without a rival are trusted by their fit, whatever the ratio.
-        alone = trials.trusted(AcceptanceThresholds(float(fit))) & np.isposinf(trials.ratio)
-        # The others that fit, by falling ratio, and how many of the first are correct.
-        order = np.flatnonzero(compared & (trials.fit >= fit))
+        # Those that fit, by falling ratio, and how many of the first are correct.
+        order = np.flatnonzero(trials.trusted(AcceptanceThresholds(float(fit), -np.inf)))
         order = order[np.argsort(-trials.ratio[order], kind="stable")]
-        good = np.cumsum(correct[order]) + int((correct & alone).sum())
-        trusted = np.arange(1, len(order) + 1) + int(alone.sum())
-        enough = good >= precision * (trusted + 1)
-        # A ratio that several share cannot be cut between them.
-        last = np.append(np.diff(trials.ratio[order]) != 0, True)[: len(order)]
-        cuts = np.flatnonzero(enough & last)
+        ratios = trials.ratio[order]
+        good = np.cumsum(correct[order])
+        enough = good >= precision * (np.arange(1, len(order) + 1) + 1)
+        # A ratio that several share cannot be cut between them, and no threshold is infinite.
+        last = np.append(ratios[1:] != ratios[:-1], True)[: len(order)]
+        cuts = np.flatnonzero(enough & last & np.isfinite(ratios))
         if len(cuts) and good[cuts[-1]] >= most:
             most = int(good[cuts[-1]])
-            thresholds = AcceptanceThresholds(float(fit), float(trials.ratio[order[cuts[-1]]]))
+            thresholds = AcceptanceThresholds(float(fit), float(ratios[cuts[-1]]))
     if thresholds is None:
         raise DataError(
             f"precision: {precision:g} is reached by no thresholds: {int(correct.sum())} of "

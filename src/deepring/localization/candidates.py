@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -24,7 +25,10 @@ from deepring.localization.image_correlation import half_whitened, occupied_cell
 #: Candidates that are aligned at the full resolution: the best at half of it, and the best of those
 #: that contradict the very best. On four simulated drives (campuses and cities 110 and 111) they
 #: name the same place as all 25 at the full resolution in each query.
-_BEST, _RIVALS = 5, 3
+_BEST, _RIVALS = 3, 3
+
+#: The most of those that may fit, where poses are known: many do where nothing does.
+_MOST = 8
 
 #: Candidates that fit at half the resolution fit by this share of what is asked at the full one.
 _ALLOWANCE = 0.85
@@ -107,7 +111,8 @@ def _promising(coarse: Alignment, poses: Tensor | None, settings: RerankSettings
     fits[order[:_BEST]] = True
     if poses is None:  # the nearest of all that fit is asked for
         fits |= score >= _ALLOWANCE * settings.close * score[order[0]]
-    else:
+    else:  # what decides is the best and its rivals
+        fits[order[_MOST:]] = False
         positions = world_positions(coarse.position, poses)
         away = torch.linalg.vector_norm(positions - positions[order[0]], dim=-1) > settings.apart
         fits[order[away[order]][:_RIVALS]] = True
@@ -119,13 +124,15 @@ def spread_out(positions: Tensor, settings: RerankSettings) -> Tensor:
 
     A position is selected if it lies at least ``spread`` metres from all selected before it.
     """
-    away = torch.cdist(positions, positions)
+    points = positions.cpu().numpy().astype(np.float64)
     selection: list[int] = []
-    for k in range(len(positions)):
-        if len(selection) == settings.candidates:
-            break
-        if not selection or bool((away[k, selection] >= settings.spread).all()):
-            selection.append(k)
+    free = np.ones(len(points), dtype=np.bool_)
+    while free.any() and len(selection) < settings.candidates:
+        k = int(free.argmax())
+        selection.append(k)
+        away = np.hypot(*(points - points[k]).T)
+        free &= away >= settings.spread
+        free[k] = False
     return torch.tensor(selection, dtype=torch.int64)
 
 

@@ -5,6 +5,7 @@ torch, with which the loops agree.
 """
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 
 import torch
@@ -12,6 +13,10 @@ from torch import Tensor
 
 from deepring.errors import DataError
 from deepring.localization.alignment_settings import AlignmentSettings
+
+#: Numbers of the transforms that are held at a time, half a megabyte: they stay in the processor's
+#: cache, and the system hands out no new memory for each query.
+_HELD = 2**17
 
 #: Turns closer to each other are the same but for rounding, radians.
 _SAME = 1e-5
@@ -67,7 +72,11 @@ def half_whitened(images: Tensor, settings: AlignmentSettings) -> Tensor:
     all frequencies.
     """
     side = settings.padded
-    spectra = torch.fft.rfft2(images.float(), s=(side, side)).contiguous()
+    spectra = torch.empty(
+        len(images), side, side // 2 + 1, dtype=torch.complex64, device=images.device
+    )
+    for part in _parts(len(images), settings):
+        torch.fft.rfft2(images[part].float(), s=(side, side), out=spectra[part])
     transfer = _gaussian(settings).to(spectra.device)
     if _compiled(spectra):
         from deepring.localization import _alignment_kernels as _kernels
@@ -83,44 +92,62 @@ def half_whitened(images: Tensor, settings: AlignmentSettings) -> Tensor:
     return spectra / power.sqrt().clamp_min(1e-12)[..., None, None]
 
 
-def correlations(
+def best_fits(
     cells: Tensor, spectra: Tensor, turns: Tensor, settings: AlignmentSettings
+) -> tuple[Tensor, Tensor]:
+    """Where the query, turned by turns (n, ...), fits each of n map scans best.
+
+    Args:
+        cells: (m, 2) occupied cells of the query, metres.
+        spectra: (n, ...) of the map scans, see `half_whitened`.
+        turns: (n, ...) radians.
+        settings: images and transforms.
+
+    Returns the heights (...) of the correlations' peaks, and their shifts (..., 2) in cells.
+    """
+    # Turns are multiples of a descriptor's step, and the query is turned once for all map scans.
+    distinct, which = torch.unique((turns / _SAME).round(), return_inverse=True)
+    queries = half_whitened(turned_images(cells, distinct * _SAME, settings), settings)
+    rows = torch.arange(len(turns), device=turns.device)
+    pairs = torch.stack([rows.repeat_interleave(which[0].numel()), which.flatten()], dim=1)
+    height, shift = turns.new_empty(len(pairs)), turns.new_empty(len(pairs), 2)
+    for part in _parts(len(pairs), settings):
+        curves = correlations(spectra, queries, pairs[part], settings)
+        height[part], shift[part] = peaks(curves, settings)
+    return height.view(turns.shape), shift.view(*turns.shape, 2)
+
+
+def correlations(
+    spectra: Tensor, queries: Tensor, pairs: Tensor, settings: AlignmentSettings
 ) -> Tensor:
-    """Correlations (n, ..., padded, padded) of n map scans with the query turned by turns (n, ...).
+    """Correlations (p, padded, padded) of pairs (p, 2) of a map scan and a query, their numbers.
 
     They are over shifts in cells; negative ones are at the ends of the axes.
     """
     side = settings.padded
-    # Turns are multiples of a descriptor's step, and the query is turned once for all map scans.
-    distinct, which = torch.unique((turns / _SAME).round(), return_inverse=True)
-    distinct = distinct * _SAME
-    queries = half_whitened(turned_images(cells, distinct, settings), settings)
     if _compiled(spectra):
         from deepring.localization import _alignment_kernels as _kernels
 
-        products = spectra.new_empty(*turns.shape, side, side // 2 + 1)
-        rows = (v.reshape(len(v), -1).numpy() for v in (spectra, queries, which))
-        _kernels.multiply(*rows, products.view(len(turns), -1, spectra[0].numel()).numpy())
+        products = spectra.new_empty(len(pairs), side, side // 2 + 1)
+        arrays = (v.flatten(1).numpy() for v in (spectra, queries, pairs, products))
+        _kernels.multiply(*arrays)
     else:
-        places = spectra.view(len(turns), *[1] * (turns.ndim - 1), side, -1)
-        products = places * queries[which].conj()
+        products = spectra[pairs[:, 0]] * queries[pairs[:, 1]].conj()
     return torch.fft.irfft2(products, s=(side, side), norm="forward")
 
 
 def peaks(curves: Tensor, settings: AlignmentSettings) -> tuple[Tensor, Tensor]:
-    """Heights (...) and shifts (..., 2), in cells, of the peaks of `correlations` (..., s, s).
+    """Heights (p,) and shifts (p, 2), in cells, of the peaks of `correlations` (p, s, s).
 
     Shifts reach up to ``settings.shifts`` along each axis, and are refined by parabolas.
     """
-    shape, flat = curves.shape[:-2], curves.flatten(0, -3)
-    if _compiled(curves):
-        from deepring.localization import _alignment_kernels as _kernels
+    if not _compiled(curves):
+        return _plain_peaks(curves, settings.shifts)
+    from deepring.localization import _alignment_kernels as _kernels
 
-        height, shift = torch.empty(len(flat)), torch.empty(len(flat), 2)
-        _kernels.peaks(flat.numpy(), settings.shifts, height.numpy(), shift.numpy())
-    else:
-        height, shift = _plain_peaks(flat, settings.shifts)
-    return height.view(shape), shift.view(*shape, 2)
+    height, shift = torch.empty(len(curves)), torch.empty(len(curves), 2)
+    _kernels.peaks(curves.numpy(), settings.shifts, height.numpy(), shift.numpy())
+    return height, shift
 
 
 def vertex(before: Tensor, middle: Tensor, after: Tensor) -> Tensor:
@@ -128,6 +155,12 @@ def vertex(before: Tensor, middle: Tensor, after: Tensor) -> Tensor:
     bend = (2 * middle - before - after).clamp_min(1e-12)
     # Where the middle is not the largest the vertex lies outside, or is a minimum.
     return ((after - before) / (2 * bend)).clamp(-1.0, 1.0)
+
+
+def _parts(count: int, settings: AlignmentSettings) -> Iterator[slice]:
+    """Slices of so many transforms that are held at a time."""
+    size = max(1, _HELD // settings.padded**2)
+    return (slice(first, first + size) for first in range(0, count, size))
 
 
 def _compiled(tensor: Tensor) -> bool:

@@ -20,35 +20,29 @@ from deepring.localization.candidates import RerankSettings
 
 F = TypeVar("F", float, NDArray[np.float64])
 
-Doubt = Literal["fit", "ratio", "few cells", "no rival"]
-"""Why a location is not trusted: it fits too little; elsewhere it fits nearly as well; or one
-cannot tell, since the images show too little, or no candidate was there to compare with."""
+Doubt = Literal["fit", "ratio", "few cells"]
+"""Why a location is not trusted: it fits too little; elsewhere it fits nearly as well; or the
+images show too little to tell such a fit from chance."""
 
-#: The fit from which a location without a rival is trusted. Of 22 400 pairs of scans of unrelated
-#: places none fits better than 0.259; of scans up to 10 m apart 86 % fit as well as this (campuses
-#: and cities 140 to 143, `benchmarks/unrelated.py`).
-FIT_WITHOUT_RIVAL = 0.32
+#: Two images fit each other by chance the better the fewer cells they have: in proportion to one
+#: over the root. The fit that is asked is at least this over the root of the cells. Chosen on
+#: worlds 200 to 203, see docs/poses.md: with 3.5 more scans from nowhere are trusted (13 of 11 381
+#: for 5), with 4.5 less scans that are in the map (1 in 100).
+FIT_TIMES_ROOT_OF_CELLS = 4.0
 
-#: Occupied cells that both images need. Fewer, in one heap, fit any other heap: of the same
-#: unrelated pairs, but with 80 cells each, 22 % fit at 0.32 or better. The scans of those worlds
-#: have 131 cells or more, real ones of seven sensors 173 or more.
+#: Occupied cells that both images need. Fewer, in one heap, fit any other heap: of unrelated pairs
+#: with 80 cells each 22 % fit at 0.32 or better (`benchmarks/unrelated.py --cells 80`). The scans
+#: of simulated worlds have 131 cells or more, real ones of seven sensors 173 or more.
 FEW_CELLS = 100
-
-#: The same without a rival: of unrelated pairs with 200 cells each, 0.2 % fit at 0.32 or better.
-CELLS_WITHOUT_RIVAL = 200
 
 
 @dataclass(frozen=True)
 class AcceptanceThresholds:
     """Thresholds for trusting a location, which has to reach both.
 
-    With the defaults, 99.8 % of the trusted locations are right on simulated worlds where half of
-    the scans are nowhere in the map (`make weights`).
-
-    A ratio is infinite where no candidate puts the scan elsewhere: nothing was compared, and a fit
-    of at least `FIT_WITHOUT_RIVAL` and `CELLS_WITHOUT_RIVAL` are asked in place of the ratio. A
-    ``ratio`` of 0 asks for no comparison. Whatever the thresholds, images of less than `FEW_CELLS`
-    are not trusted.
+    Whatever the thresholds, the fit has to be at least `FIT_TIMES_ROOT_OF_CELLS` over the root of
+    the cells, and images of less than `FEW_CELLS` are not trusted. How many places there are to
+    compare with does not count: a location has a rival in the same place too.
 
     Raises ConfigError for thresholds that are not numbers.
     """
@@ -64,10 +58,9 @@ class AcceptanceThresholds:
             if not isinstance(value, int | float) or isinstance(value, bool) or math.isnan(value):
                 raise ConfigError(f"thresholds.{name}: {value!r}, expected a number")
 
-    @property
-    def fit_without_rival(self) -> float:
-        """Fit from which a location without a rival is trusted."""
-        return max(self.fit, FIT_WITHOUT_RIVAL) if self.ratio > 0 else self.fit
+    def fit_asked(self, cells: F) -> NDArray[np.float64]:
+        """The fit from which images of so many occupied cells are trusted; an array for one."""
+        return np.maximum(self.fit, FIT_TIMES_ROOT_OF_CELLS / np.sqrt(np.maximum(cells, 1.0)))
 
     def accept(self, fit: F, ratio: F, cells: F) -> bool | NDArray[np.bool_]:
         """Whether to trust a location; for arrays (n,), an array (n,). NaN is never trusted.
@@ -77,10 +70,7 @@ class AcceptanceThresholds:
             ratio: ratio of the fit to that of the rival.
             cells: occupied cells of the scan or the place, whichever has fewer.
         """
-        alone = np.isposinf(ratio)
-        asked = np.where(alone, self.fit_without_rival, self.fit)
-        least = np.where(alone & (self.ratio > 0), CELLS_WITHOUT_RIVAL, FEW_CELLS)
-        return (fit >= asked) & (alone | (ratio >= self.ratio)) & (cells >= least)
+        return (fit >= self.fit_asked(cells)) & (ratio >= self.ratio) & (cells >= FEW_CELLS)
 
     def doubt(self, fit: float, ratio: float, cells: float) -> Doubt | None:
         """Why not to trust a location; None where `accept` trusts it."""
@@ -88,9 +78,7 @@ class AcceptanceThresholds:
             return None
         if not fit >= self.fit:
             return "fit"
-        if not cells >= FEW_CELLS:
-            return "few cells"
-        return "no rival" if ratio == math.inf else "ratio"
+        return "few cells" if ratio >= self.ratio else "ratio"
 
 
 @dataclass(frozen=True)
@@ -111,7 +99,7 @@ class Location:
     fit: float
     """Fit of the alignment, at most 1."""
     ratio: float
-    """Ratio of the fit to the best fit that puts the scan elsewhere; infinite without one."""
+    """Ratio of the fit to the best fit that puts the scan elsewhere, in another place or this."""
     cells: int
     """Occupied cells of the scan's image or of the place's, whichever has fewer."""
     trusted: bool
@@ -127,27 +115,31 @@ class BestFit(NamedTuple):
     """(2,) metres in the world of the map's poses."""
     fit: float
     """Height of the correlation's peak, at most 1."""
-    ratio: float
-    """Ratio of the fit to the best fit of a candidate that contradicts it; infinite without one."""
+    rival: float
+    """The best fit of a candidate that contradicts it; 0 without one."""
+
+    @property
+    def ratio(self) -> float:
+        """Ratio of the fit to that of the rival; infinite without one."""
+        return ratio_of(self.fit, self.rival)
 
 
-def best_fit(
-    alignment: Alignment, poses: Tensor, settings: RerankSettings, cells: Tensor | None = None
-) -> BestFit:
+def ratio_of(fit: float, rival: float) -> float:
+    """Ratio of a fit to that of a rival; infinite to none, which fits by 0."""
+    return fit / rival if rival > 0 else math.inf
+
+
+def best_fit(alignment: Alignment, poses: Tensor, settings: RerankSettings) -> BestFit:
     """The position of the query by the candidate that fits best.
 
     Args:
         alignment: of the query with each of k candidates.
         poses: (k, 3) of the candidates: x, y and yaw in the world, metres and radians.
         settings: which positions contradict each other.
-        cells: (k,) occupied cells of the candidates. Where all that contradict the best have less
-            than `FEW_CELLS`, there is no rival: nearly blank places fit nothing.
     """
     positions = world_positions(alignment.position, poses)
     fit = alignment.score
     best = int(fit.argmax())
     away = torch.linalg.vector_norm(positions - positions[best], dim=-1) > settings.apart
-    comparable = away if cells is None else away & (cells >= FEW_CELLS)
-    rival = float(fit[away].max()) if bool(comparable.any()) else 0.0
-    ratio = float(fit[best]) / rival if rival > 0 else math.inf
-    return BestFit(best, positions[best], float(fit[best]), ratio)
+    rival = max(0.0, float(fit[away].max())) if bool(away.any()) else 0.0
+    return BestFit(best, positions[best], float(fit[best]), rival)

@@ -18,11 +18,14 @@ from deepring.errors import ConfigError, DataError
 from deepring.io.sealed import open_sealed, write_sealed
 from deepring.localization.candidates import RerankSettings, align_candidates, spread_out
 from deepring.localization.given import given_list, given_names, given_path, given_poses
-from deepring.localization.location import AcceptanceThresholds, Location, best_fit
+from deepring.localization.location import AcceptanceThresholds, Location, best_fit, ratio_of
 from deepring.localization.map_file import FORMAT, MapHeader, expect_fitting, prefixed, under
 from deepring.localization.observation import Observation, described, observed, occupancy
 from deepring.localization.place_points import PlacePoints, thinned_points
 from deepring.localization.place_store import PlaceStore
+from deepring.localization.refined_pose import RefinedPose, refined_pose
+from deepring.localization.refinement import RefinementSettings
+from deepring.localization.rivals import fit_elsewhere
 from deepring.localization.scan_points import scan_points
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import describe_network, make_network, weights_of
@@ -87,6 +90,8 @@ class Map:
         self.thresholds = thresholds or AcceptanceThresholds()
         self.places = PlaceStore(raster)
         self.points = PlacePoints() if points else None
+        self.source = ""
+        """What the places were built from, in words; empty if nobody says."""
 
     def __len__(self) -> int:
         return len(self.places)
@@ -155,6 +160,30 @@ class Map:
         self._expect_places(before)
         return self.localize_observation(self.observe([points], ground_z), before)
 
+    def refine(
+        self,
+        points: Any,
+        location: Location,
+        ground_z: float | None = None,
+        settings: RefinementSettings | None = None,
+    ) -> RefinedPose:
+        """The whole pose of a scan that was located, with its covariance, by the map's points.
+
+        The scan's points (n, 3) are registered on those of the location's place and the places
+        around. A location that is not trusted is refined too, and stays a doubt.
+
+        Args:
+            points: the scan, as in `localize`.
+            location: what `localize` gave.
+            ground_z: see `localize`.
+            settings: the registration.
+
+        Raises DataError for a map without points (``Map(points=True)``) and as `localize` does for
+        a scan, and ConfigError if small_gicp is not installed.
+        """
+        checks.of_type("location", location, Location)
+        return refined_pose(self, points, location, ground_z, settings or RefinementSettings())
+
     def observe(self, scans: Iterable[Any], ground_z: float | None = None) -> Observation:
         """Images and descriptors of scans, for `add_observation` and `localize_observation`.
 
@@ -220,20 +249,23 @@ class Map:
         places, poses = hits.place[0, rows], poses[rows]
         image, images = torch.from_numpy(scan.images[0]), self.places.images(places)
         alignment = align_candidates(image, hits.turn[0, rows], images, self.rerank, poses)
-        counts = images.sum(dim=(1, 2))
-        best = best_fit(alignment, poses, self.rerank, counts)
+        best = best_fit(alignment, poses, self.rerank)
         candidate = best.candidate
-        cells = min(int(image.sum()), int(counts[candidate]))
-        doubt = self.thresholds.doubt(best.fit, best.ratio, cells)
+        found, turn = images[candidate], float(alignment.turn[candidate])
+        position = alignment.position[candidate]
+        rival = max(best.rival, fit_elsewhere(image, found, turn, position, self.rerank))
+        ratio = ratio_of(best.fit, rival)
+        cells = min(int(image.sum()), int(found.sum()))
+        doubt = self.thresholds.doubt(best.fit, ratio, cells)
         return Location(
             place=int(places[candidate]),
             name=self.places.names[int(places[candidate])],
             x=float(best.position[0]),
             y=float(best.position[1]),
-            yaw=yaw_after_turn(float(poses[candidate, 2]), float(alignment.turn[candidate])),
+            yaw=yaw_after_turn(float(poses[candidate, 2]), turn),
             similarity=float(hits.score[0, rows[candidate]]),
             fit=best.fit,
-            ratio=best.ratio,
+            ratio=ratio,
             cells=cells,
             trusted=doubt is None,
             doubt=doubt,
@@ -276,6 +308,7 @@ class Map:
             thresholds=self.thresholds,
             shape=self.index.shape,
             names=tuple(self.places.names),
+            source=self.source,
         )
         write_sealed(path, FORMAT, header, tensors)
 
@@ -295,6 +328,7 @@ class Map:
             settings = (header.search, header.rerank, header.thresholds)
             place_map = cls(network, header.ground_z, *settings)
             expect_fitting(network, header)
+            place_map.source = header.source
             place_map.places.restore(tensors["images"], tensors["poses"], header.names)
             place_map.points = PlacePoints.restored(tensors, len(place_map))
             rows, code = under("index.", tensors), under("code.", tensors)

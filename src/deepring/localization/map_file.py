@@ -32,6 +32,8 @@ class MapHeader:
     shape: tuple[int, int] | None
     """(θ, ω) of the descriptors; None for a map without places."""
     names: tuple[str, ...]
+    source: str
+    """What the places were built from, in words."""
 
     def __post_init__(self) -> None:
         checks.between("ground_z", self.ground_z, -1e6, 1e6, "metres")
@@ -56,7 +58,7 @@ TENSORS: TensorTypes = {
 
 FORMAT = SealedFormat(
     "map",
-    3,
+    4,
     MapHeader,
     TENSORS,
     description="a map as `deepring map build` writes it",

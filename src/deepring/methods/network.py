@@ -130,12 +130,14 @@ class NetworkMethod(nn.Module, ABC):
         Whatever is like an array (b, *raster.shape) is taken. Raises DataError for anything else.
         """
         rasters = given_rasters(self.raster, rasters)
-        training = self.training
-        self.eval()
+        training = [module for module in self.modules() if module.training]
+        if training:
+            self.eval()
         try:
             return self(rasters.to(next(self.parameters()).device))
         finally:
-            self.train(training)
+            for module in training:
+                module.training = True
 
 
 def class_path(method: NetworkMethod) -> str:

@@ -27,6 +27,9 @@ def circular_pad(
     theta_range: ThetaRange = "full",
 ) -> Float[Tensor, "batch channel theta+2*{pad} tau+2*{pad}"]:
     """Pad (b, c, θ, τ) by ``pad`` on every side: θ always wraps, τ wraps or takes zeros."""
+    wraps = tau == "circular" and theta_range == "full" and pad <= min(x.shape[-2:])
+    if wraps and not torch.is_grad_enabled() and not torch.compiler.is_compiling():
+        return F.pad(x, (pad,) * 4, mode="circular")  # the same values, in half the time
     padded: Tensor = _CircularPad.apply(x, pad, tau, theta_range)  # type: ignore[no-untyped-call]
     return padded
 

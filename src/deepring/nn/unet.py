@@ -92,11 +92,23 @@ class UNet(nn.Module):
         for block in self.down[:-1]:
             x = block(x)
             skips.append(x)
-            x = self.pool(x)
+            x = self._halved(x)
         x = self.down[-1](x)
         for block, skip in zip(self.up, reversed(skips), strict=True):
             x = block(torch.cat([self.upsample(x), skip], dim=1))
         return self.head(x)
+
+    def _halved(
+        self, x: Float[Tensor, "batch channel rows columns"]
+    ) -> Float[Tensor, "batch channel rows//2 columns//2"]:
+        """The largest of 2 x 2 values each."""
+        plain = torch.compiler.is_compiling() or x.device.type != "cpu"  # exported or compiled
+        if plain or torch.is_grad_enabled():
+            pooled: Tensor = self.pool(x)
+            return pooled
+        # The same values; torch's pooling also finds where they are, for a gradient.
+        rows = torch.maximum(x[..., ::2, :], x[..., 1::2, :])
+        return torch.maximum(rows[..., ::2], rows[..., 1::2])
 
 
 class CircularUNet(UNet):

@@ -8,6 +8,7 @@ from typing import Any
 from deepring.errors import DataError
 from deepring.evaluation.case import Case
 from deepring.evaluation.metrics import Over
+from deepring.evaluation.reranked_labels import method_label
 from deepring.paper.flat import flatten
 from deepring.paper.seed_groups import (
     HEADLINE,
@@ -86,12 +87,17 @@ def training_minutes(runs: Iterable[Run]) -> dict[str, float]:
 
 def _made(run: Run, case: Case) -> dict[str, Any]:
     """The settings that made a method; for one that learns nothing, its own config node."""
+    label = method_label(case.method)
+    aligned: dict[str, Any] = {}
+    if label != case.method:
+        aligned = {"evaluation.candidates": run.setting.get("evaluation.candidates")}
     if case.train:
-        return {key: value for key, value in run.setting.items() if _MADE.fullmatch(key)}
+        made = {key: value for key, value in run.setting.items() if _MADE.fullmatch(key)}
+        return made | aligned
     nodes = [_method(run), *(run.config.get("methods") or {}).values()]
-    own = [node for node in nodes if node and node.get("label") == case.method]
+    own = [node for node in nodes if node and node.get("label") == label]
     plain = {key: value for key, value in (own[0] if own else {}).items() if key != "note"}
-    return flatten(plain, case.method)
+    return flatten(plain, label) | aligned
 
 
 def _protocol(run: Run) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from deepring.evaluation.reranked_labels import method_label
 from deepring.paper.seed_groups import SeedGroup, varied
 from deepring.reports.table import NONE
 
@@ -162,8 +163,11 @@ def family(dataset: str) -> str | None:
 def paper_rates(table: str, dataset: str, label: str) -> Rates | None:
     """The paper's values for a method on a dataset's family; None where it has none.
 
-    Words may follow the name in ``label``, as in "DiSCO small"; "RING++" is not RING.
+    Words may follow the name in ``label``, as in "DiSCO small"; "RING++" is not RING. The paper
+    re-ranks nothing.
     """
+    if method_label(label) != label:
+        return None
     known, name = family(dataset), _METHODS.get(_base(label) or "")
     if known is None or name is None:
         return None

@@ -10,6 +10,10 @@ from numba.extending import overload
 #: Codes whose sums are computed at once, within the processor's first cache.
 LOT = 512
 
+#: Width of the rows of the package's network. Vector instructions take 64 numbers at a time, and
+#: narrower rows one by one, unless the compiler knows the width: that is three times as fast.
+NARROW = 32
+
 
 def _read(number):
     """A stored number as float32; uint16 is bfloat16, the upper half of a float32."""
@@ -29,9 +33,19 @@ def cross_spectrum(query, place, scale, real, imaginary):
     """Write Σ_ω Q(k, ω) conj D(k, ω) times ``scale`` (k,) into ``real`` and ``imaginary`` (k,).
 
     The query (k, 2, w) is float32, the place (k, 2, w) of any precision."""
+    if place.shape[2] == NARROW:
+        sums(query, place, scale, real, imaginary, NARROW)
+    else:
+        sums(query, place, scale, real, imaginary, place.shape[2])
+
+
+@njit(cache=True, nogil=True, fastmath=True, inline="always")
+@no_type_check
+def sums(query, place, scale, real, imaginary, width):
+    """`cross_spectrum` of rows of a width that the compiler may know."""
     for k in range(place.shape[0]):
         re, im = np.float32(0), np.float32(0)
-        for w in range(place.shape[2]):
+        for w in range(width):
             x, y = _read(place[k, 0, w]), _read(place[k, 1, w])
             re += query[k, 0, w] * x + query[k, 1, w] * y
             im += query[k, 1, w] * x - query[k, 0, w] * y

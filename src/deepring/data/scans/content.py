@@ -1,5 +1,6 @@
 """The content of a scan file, and messages about what is wrong with it."""
 
+import mmap
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,6 +10,9 @@ from deepring.io.git_lfs import LFS_POINTER, is_lfs_pointer
 
 #: Largest file that is read, bytes; a scan of ten million points has some 0.2 GB.
 LARGEST = 1 << 31
+
+#: A file's bytes, read or mapped.
+Buffer = bytes | mmap.mmap
 
 #: First bytes of the files named ``._NAME`` that macOS writes beside others.
 _APPLE_DOUBLE = b"\x00\x05\x16\x07"

@@ -24,7 +24,9 @@ def is_return(records: NDArray[np.floating]) -> NDArray[np.bool_]:
     Sensors and file formats write a beam without a return as NaN, infinity or (0, 0, 0).
     """
     with np.errstate(invalid="ignore"):  # signalling NaN
-        mask: NDArray[np.bool_] = np.isfinite(records).all(axis=1) & records.any(axis=1)
+        x, y, z = np.abs(records.T)
+        largest = np.maximum(np.maximum(x, y), z)  # NaN if one of them is
+        mask: NDArray[np.bool_] = (largest > 0) & (largest < np.inf)
     return mask
 
 
