@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
 from numpy.typing import NDArray
 
@@ -13,6 +12,7 @@ from deepring.localization.location import Location
 from deepring.localization.map import Map
 from deepring.localization.observation import Observation
 from deepring.localization.place_points import thinned_points
+from deepring.localization.refined_pose import RefinedPose
 from deepring.localization.scan_points import scan_points
 from deepring.reports.located_scan import LocatedScan
 from deepring.reports.map_scene import locations_scene
@@ -27,8 +27,8 @@ class ShownScans:
 
     def add(
         self,
-        file: Path,
-        stamp: int | None,
+        name: str,
+        refined: RefinedPose | None,
         location: Location,
         seen: Observation,
         points: Points,
@@ -38,12 +38,12 @@ class ShownScans:
         """Keep one scan."""
         if not is_shown(self.args):
             return
-        name = file.name if stamp is None else f"{file.name} {stamp}"
         image = pack(seen.images[0], self.place_map.raster)
         thinned = thinned_points(scan_points(name, points)) if is_viewed(self.args) else None
         if ground_z is None:
             ground_z = self.place_map.ground_z
-        self._scans.append(LocatedScan(name, location, image, pose, thinned, ground_z))
+        whole = None if refined is None or refined.doubt is not None else refined.pose
+        self._scans.append(LocatedScan(name, location, image, pose, thinned, ground_z, whole))
 
     def show(self, refused: Sequence[str]) -> None:
         """Write the page, show the scene and write its file, as the options ask for."""

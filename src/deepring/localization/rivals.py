@@ -10,7 +10,12 @@ import torch
 from torch import Tensor
 
 from deepring.localization.candidates import RerankSettings
-from deepring.localization.image_correlation import correlations, half_whitened, occupied_cells
+from deepring.localization.image_correlation import (
+    correlations,
+    half_whitened,
+    occupied_cells,
+    turned_images,
+)
 
 
 def fit_elsewhere(
@@ -31,9 +36,11 @@ def fit_elsewhere(
     alignment = settings.alignment
     cells = occupied_cells(image, alignment)
     spectra = half_whitened(place[None], alignment)
-    turns = torch.tensor([[turn, turn + math.pi]], dtype=torch.float32)
+    turns = torch.tensor([turn, turn + math.pi])
+    queries = half_whitened(turned_images(cells, turns, alignment), alignment)
+    curves = correlations(spectra, queries, torch.tensor([[0, 0], [0, 1]]), alignment)
     reach = alignment.shifts
-    curves = correlations(cells, spectra, turns, alignment)[0].roll((reach, reach), dims=(-2, -1))
+    curves = curves.roll((reach, reach), dims=(-2, -1))
     same, opposite = curves[:, : 2 * reach + 1, : 2 * reach + 1]
     along = alignment.cell * torch.arange(-reach, reach + 1)
     away = torch.hypot(along[:, None] - position[0], along - position[1]) > settings.apart

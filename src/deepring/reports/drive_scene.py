@@ -9,7 +9,10 @@ from deepring.reports.scene import BLUE, GREEN, GREY, PURPLE, RED, Lines, Points
 
 
 def drive_scene(result: DriveResult) -> Scene:
-    """Trajectories before and after, and the loops between keyframes; aligned with the truth."""
+    """Trajectories before and after, and the loops between keyframes; aligned with the truth.
+
+    No line leads across a break of the odometry.
+    """
     shapes: list[Points | Lines] = []
     drawn = {name: poses[:, :3, 3] for name, poses in result.aligned().items()}
     if result.truth is not None:
@@ -17,7 +20,8 @@ def drive_scene(result: DriveResult) -> Scene:
         shapes.append(Lines("true poses", [true], GREY, 0.3))
     kept = {id(loop) for loop in result.kept}
     for name, positions in drawn.items():
-        shapes.append(Lines(f"{name}/trajectory", [positions], _COLOURS[name], 0.15))
+        parts = np.split(positions, result.graph.scans[list(result.graph.breaks)])
+        shapes.append(Lines(f"{name}/trajectory", parts, _COLOURS[name], 0.15))
         keyframes = positions[result.graph.scans]
         names = [result.track.names[row] for row in result.graph.scans]
         shapes.append(Points(f"{name}/keyframes", keyframes, _COLOURS[name], 0.3, names))

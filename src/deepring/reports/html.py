@@ -33,7 +33,7 @@ th:first-child, td:first-child { text-align: left; }
 .long { max-height: 32rem; overflow: auto; }
 figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; background: #fff;
   border-radius: .4rem; }
-.row { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(17rem, 100%), 1fr));
+.row { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(15rem, 100%), 1fr));
   gap: 0 1.5rem; }
 .row figure { margin: .75rem 0; }
 figcaption { color: var(--soft); overflow-wrap: anywhere; }

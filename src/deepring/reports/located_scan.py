@@ -24,10 +24,14 @@ class LocatedScan:
     """(n, 3) of the scan, thinned, see `thinned_points`; None where nobody shows them."""
     ground_z: float = 0.0
     """z of the ground in the scan's frame, metres."""
+    refined: NDArray[np.float64] | None = None
+    """(4, 4) world <- scan, the refined pose, if there is one that can be relied on."""
 
 
 def located_pose(scan: LocatedScan, place_map: Map) -> NDArray[np.float64]:
-    """Pose (4, 4), world <- scan: where the scan was located, level, on the place's ground."""
+    """Pose (4, 4), world <- scan: the refined one, or as located, level, on the place's ground."""
+    if scan.refined is not None:
+        return scan.refined
     found = scan.location
     place = place_map.places.poses[found.place]
     pose = np.eye(4)

@@ -127,7 +127,7 @@ def _figure(place_map: Map, scans: Sequence[LocatedScan], wrong: set[int]) -> Fi
         for scan in scans
         if id(scan) in wrong and scan.pose is not None
     ]
-    return places_figure(place_map.places.positions, None, marks, errors)
+    return places_figure(place_map.places.positions, (), marks, errors)
 
 
 def _kind(scan: LocatedScan, wrong: set[int]) -> tuple[str, str, str]:

@@ -27,7 +27,7 @@ _SHOWN, _REASONS = 4, 50
 def map_page(
     place_map: Map,
     facts: Sequence[tuple[str, str]],
-    path: NDArray[np.float64] | None = None,
+    paths: Sequence[NDArray[np.float64]] = (),
     left_out: Sequence[str] = (),
 ) -> str:
     """The page, which needs no network and no other file.
@@ -35,7 +35,7 @@ def map_page(
     Args:
         place_map: the map.
         facts: what is known of it, as names and values.
-        path: (n, 2) the positions that were driven, metres, if they are known.
+        paths: (n, 2) positions that were driven, metres.
         left_out: why scans or places were left out.
     """
     parts = [table(("", ""), facts)]
@@ -45,7 +45,7 @@ def map_page(
             parts.append(paragraph(f"And {len(left_out) - _REASONS} more."))
     parts.append(heading("Places"))
     if len(place_map):
-        figure = places_figure(place_map.places.positions, path)
+        figure = places_figure(place_map.places.positions, paths)
         parts.append(picture(figure, "The places from above, in the world of the map's poses"))
         parts += [heading("What places show"), paragraph(_EXPLANATION)]
         parts.append(pictures_in_rows(_pictures(place_map)))
@@ -73,8 +73,8 @@ def _pictures(place_map: Map) -> Iterator[str]:
         name = f"{place_map.places.names[place]}, number {place}"
         figure = new_figure(2.9, 2.9)
         draw_bev(figure.add_subplot(), image, "", extent)
-        yield picture(figure, f"{name}: {int(image.sum())} occupied cells")
+        above = picture(figure, f"{name}: {int(image.sum())} occupied cells")
         figure = new_figure(2.9, 2.9)
         top = float(sinogram.max())
         draw_sinogram(figure.add_subplot(), sinogram, "", extent, top, float(period))
-        yield picture(figure, f"{name}: sinogram")
+        yield above + picture(figure, f"{name}: sinogram")

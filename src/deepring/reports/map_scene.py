@@ -20,11 +20,11 @@ _VOXEL = 0.5
 _TOP = 12.0
 
 
-def map_scene(place_map: Map, path: FloatArray | None = None) -> Scene:
-    """The places, their points or what their images show, and the path (n, 3), if it is known."""
+def map_scene(place_map: Map, paths: Sequence[FloatArray] = ()) -> Scene:
+    """The places, their points or what their images show, and the paths (n, 3) that were driven."""
     shapes = _map_shapes(place_map)
-    if path is not None:
-        shapes.append(Lines("map/path", [path], BLUE, 0.15))
+    if paths:
+        shapes.append(Lines("map/path", paths, BLUE, 0.15))
     return Scene(f"map {place_map.source}".strip(), shapes, _origin(place_map))
 
 

@@ -1,4 +1,4 @@
-"""The places of a map from above, with the path along them and marks among them."""
+"""The places of a map from above, with the paths along them and marks among them."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -30,7 +30,7 @@ class Marks(NamedTuple):
 
 def places_figure(
     places: Positions,
-    path: Positions | None = None,
+    paths: Sequence[Positions] = (),
     marks: Sequence[Marks] = (),
     errors: Sequence[tuple[Positions, Positions]] = (),
 ) -> Figure:
@@ -38,21 +38,20 @@ def places_figure(
 
     Args:
         places: (n, 2) metres.
-        path: (m, 2) the path that was driven, if it is known.
+        paths: (m, 2) that were driven.
         marks: of other things, drawn above each other in this order.
         errors: pairs of positions (2,), found and true, that a line joins.
     """
-    every = [places, *(one.positions for one in marks)]
-    if path is not None:
-        every.append(path)
+    every = [places, *paths, *(one.positions for one in marks)]
     shown = np.concatenate([*every, np.reshape(list(errors), (-1, 2))])
     origin = round_origin(shown) if len(shown) else np.zeros(2)
     extent = np.ptp(shown, axis=0) if len(shown) else np.zeros(2)
     shape = float(np.clip(extent[1] / max(extent[0], 1e-9), 0.4, 1.3))
     figure = new_figure(WIDTH, WIDTH * shape + 1.2)
     axes = figure.add_subplot()
-    if path is not None:
-        axes.plot(*(path - origin).T, color=INK, linewidth=0.8, alpha=0.6, label="path")
+    for number, path in enumerate(paths):
+        label = "_" if number else "path"
+        axes.plot(*(path - origin).T, color=INK, linewidth=0.8, alpha=0.6, label=label)
     colour = INK if not marks else DATABASE
     axes.scatter(
         *(places - origin).T, s=12, color=colour, linewidths=0, label=f"places ({len(places)})"
