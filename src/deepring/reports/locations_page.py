@@ -49,11 +49,12 @@ _ANOTHER_WORLD = 20.0
 
 
 def locations_page(
-    place_map: Map, scans: Sequence[LocatedScan], refused: Sequence[str] = ()
+    name: str, place_map: Map, scans: Sequence[LocatedScan], refused: Sequence[str] = ()
 ) -> str:
     """The page, which needs no network and no other file.
 
     Args:
+        name: of the map's file.
         place_map: the map.
         scans: those that were located.
         refused: why the others were not.
@@ -83,7 +84,7 @@ def locations_page(
         if len(scans) > _LISTED:
             rest = f"And {len(scans) - _LISTED} more; --as csv or --as json has all of them."
             parts.append(paragraph(rest))
-    return page(f"Scans in the map {place_map.source}".strip(), parts)
+    return page(f"Scans in the map {name}", parts)
 
 
 _EXPLANATION = (
