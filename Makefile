@@ -15,7 +15,7 @@ space := $(nothing) $(nothing)
 SWEEP := seed=$(subst $(space),$(comma),$(strip $(SEEDS))) hydra/launcher=joblib
 
 .PHONY: help install demo ablations compare weights test test-slow kill fuzz lint coverage mutation \
-  hooks bench clean
+  hooks bench peers clean
 
 help:
 	@echo "make demo       simulate, train, evaluate, print the results (SEED=0)"
@@ -31,6 +31,7 @@ help:
 	@echo "make fuzz       damaged and forged files of every format (SEEDS='0 1 2' INPUTS=20000)"
 	@echo "make hooks      run make lint's checks before every commit (pre-commit)"
 	@echo "make bench      all stages beside the usual routes, to outputs/bench (BENCH='--most 1000000')"
+	@echo "make peers      beside map-closures, kiss-matcher and small_gicp, to outputs/peers (PEERS='kitti=FOLDER')"
 	@echo "make clean      remove .venv and caches; outputs/ stays"
 
 install: $(INSTALLED)
@@ -118,6 +119,20 @@ hooks: install
 bench: install
 	$(BIN)/python benchmarks/bench.py $(BENCH)
 
+# The peers and what they need stay out of .venv.
+PEERS ?=
+PEERS_VENV := .venv-peers
+PEERS_INSTALLED := $(PEERS_VENV)/.installed
+
+$(PEERS_INSTALLED): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(PEERS_VENV)
+	$(PEERS_VENV)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt \
+	  -e '.[peers]'
+	@touch $@
+
+peers: $(PEERS_INSTALLED)
+	OMP_NUM_THREADS=1 $(PEERS_VENV)/bin/python benchmarks/peers.py $(PEERS)
+
 clean:
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache \
+	rm -rf $(VENV) $(PEERS_VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache \
 	  .coverage* htmlcov mutants

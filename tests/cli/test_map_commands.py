@@ -12,7 +12,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from deepring.core.rigid import pose_from
+from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.readers.nclt import open_nclt
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.map import Map
@@ -70,6 +70,71 @@ def test_scans_are_located_as_a_table_json_and_csv(place_map, second, tmp_path, 
         assert math.hypot(*(second.positions[k] - [row["x"], row["y"]])) < 5
         assert row["scan"] == other["scan"] == str(second.files[k])
         assert float(other["x"]) == row["x"]
+
+
+def test_the_whole_pose_is_given_as_a_table_json_and_csv(place_map, second, here):
+    names = [str(second.files[k]) for k in (0, 3)]
+    options = ["--format", "nclt", "--refine", "--as"]
+    lines = here("localize", place_map, *names, *options, "json").stdout
+    rows = [json.loads(line) for line in lines.splitlines()]
+    table = here("localize", place_map, *names, *options, "csv").stdout
+    for row, k, other in zip(rows, (0, 3), csv.DictReader(io.StringIO(table)), strict=True):
+        refined, truth = row["refined"], second.poses[k]
+        assert refined["converged"]
+        assert refined["doubt"] == (None if row["trusted"] else "location")
+        pose, covariance = np.array(refined["pose"]), np.array(refined["covariance"])
+        assert np.linalg.norm(pose[:3, 3] - truth[:3, 3]) < 0.2
+        assert np.degrees(Rotation.from_matrix(truth[:3, :3].T @ pose[:3, :3]).magnitude()) < 0.5
+        assert covariance.shape == (6, 6)
+        assert np.linalg.eigvalsh(covariance)[0] > 0
+        assert other["refined_covariance"].split(" ")[0] == f"{covariance[0, 0]:.9g}"
+        assert len(other["refined_covariance"].split(" ")) == 36
+        angles = [float(other[f"refined_{name}"]) for name in ("roll", "pitch", "yaw")]
+        np.testing.assert_allclose(rotation_from_rpy(*angles), pose[:3, :3], atol=1e-9)
+        assert float(other["refined_z"]) == pose[2, 3]
+        assert other["refined_doubt"] == (refined["doubt"] or "")
+        assert float(other["x"]) == row["x"]  # the location stands beside it
+    shown = here("localize", place_map, *names, "--format", "nclt", "--refine").stdout
+    assert "roll °" in shown
+    assert "unobservable" not in shown
+
+
+def test_a_tunnel_is_said_to_hold_nothing_along_it(tmp_path, here):
+    rng = np.random.default_rng(0)
+
+    def tunnel():
+        along, across = rng.uniform(-40, 40, (4, 4000)), rng.uniform(0, 1, (4, 4000))
+        far = np.full(4000, 4.0)
+        sides = [(8 * across[0] - 4, far - 5.8), (8 * across[1] - 4, far - 1),
+                 (far, 4.8 * across[2] - 1.8), (-far, 4.8 * across[3] - 1.8)]  # fmt: skip
+        parts = [np.c_[x, y, z] for x, (y, z) in zip(along, sides, strict=True)]
+        return np.concatenate(parts) + rng.normal(0, 0.02, (16000, 3))
+
+    place_map = Map(load_network("shipped").method, -1.8, points=True)
+    place_map.add([tunnel()], np.eye(4)[None], ["a"])
+    place_map.save(tmp_path / "one.map")
+    np.save(tmp_path / "scan.npy", tunnel())
+    assert "unobservable" in here("localize", "one.map", "scan.npy", "--refine").stdout
+    row = json.loads(here("localize", "one.map", "scan.npy", "--refine", "--as", "json").stdout)
+    (direction,) = row["refined"]["unobservable"]
+    assert direction["name"] in ("along 0°", "along 180°")
+    assert row["refined"]["covariance"][0][0] > 0.25
+    assert row["refined"]["covariance"][1][1] < 0.01
+
+
+def test_refining_without_points_or_library_is_refused_before_a_scan_is_read(
+    second, tmp_path, here, monkeypatch
+):
+    for points in (False, True):
+        bare = Map(load_network("shipped").method, points=points)
+        bare.add([scattered(0)], np.eye(4)[None], ["a"])
+        bare.save(tmp_path / f"{points}.map")
+    (tmp_path / "broken.pcd").write_text("no scan")
+    scan = tmp_path / "broken.pcd"
+    refused(here("localize", "False.map", scan, "--refine"), "False.map", "holds no points",
+            "map build --points")  # fmt: skip
+    monkeypatch.setitem(sys.modules, "small_gicp", None)
+    refused(here("localize", "True.map", scan, "--refine"), "pip install 'deepring[refine]'")
 
 
 def test_trust_is_calibrated_on_another_drive(place_map, tiny_nclt, tmp_path, here):

@@ -249,7 +249,7 @@ def test_what_passed_is_left_out_and_what_stands_is_not(tmp_path):
     parked = np.concatenate([wall([-2, y], [2, y], 0.3, 1.6) for y in (9.2, 10.0, 10.8)])
     house = wall([-18, -15], [18, -15], 0.3, 6)
     behind = road[:, 1] < -15.0
-    canopy = wall([5, 15], [8, 15], 3.0, 6)
+    canopy = wall([5, 15], [8, 15], 4.2, 8)
     points = np.concatenate([road[~hole & ~behind], car, parked, house, canopy])
     (tmp_path / "a.pcd").write_bytes(pcd_bytes(points))
     with open_cloud(tmp_path / "a.pcd") as cloud:

@@ -25,7 +25,7 @@ from deepring.localization.location import (
     FIT_TIMES_ROOT_OF_CELLS,
     AcceptanceThresholds,
 )
-from deepring.localization.map import Map
+from deepring.localization.map_building import build_map
 from helpers.networks import small_network
 
 
@@ -115,7 +115,7 @@ def test_a_precision_is_a_share(precision):
 def test_trials_of_a_drive_and_its_own_map(tiny_nclt):
     first, second = (open_nclt(tiny_nclt, date) for date in ("2031-02-04", "2031-03-17"))
     # The network is not trained: what it takes for alike is little better than chance.
-    place_map = Map.build(first, small_network(), 5.0, rerank=RerankSettings(candidates=100))
+    place_map = build_map(first, small_network(), 5.0, rerank=RerankSettings(candidates=100))
     scans = [(second.points(k), second.poses[k]) for k in range(0, len(second), 8)]
     whole = run_trials(place_map, scans)
     parts = concatenate([run_trials(place_map, scans[:2]), run_trials(place_map, scans[2:])])

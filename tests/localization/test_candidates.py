@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from deepring.errors import DeepringError
+from deepring.localization import candidates
 from deepring.localization.alignment import Alignment, align, world_positions
 from deepring.localization.candidates import (
     RerankSettings,
@@ -97,6 +98,19 @@ def test_estimates_never_exceed_what_the_full_resolution_gives(drive):
     assert 5 <= int(exact.sum()) < 32  # some are estimated
     assert ours.score[~exact].max() <= ours.score[exact].min() + 1e-6
     assert int(ours.score.argmax()) == int(full.score.argmax())
+
+
+def test_where_nothing_fits_few_are_aligned_at_the_full_resolution(drive, monkeypatch):
+    image, maps, poses, turn, _ = drive
+    rows = []
+    monkeypatch.setattr(
+        candidates, "align", lambda *args: rows.append(len(args[1])) or align(*args)
+    )
+    mirrored, apart = maps.flip(1).repeat(4, 1, 1), poses.repeat(4, 1)
+    apart[:, 0] += 400.0 * torch.arange(32)
+    align_candidates(image, turn.repeat(4), mirrored, SETTINGS, apart)
+    align_candidates(image, turn.repeat(4), mirrored, SETTINGS)
+    assert rows[0] <= 8 + 3 < rows[1]
 
 
 def test_without_yaws_the_whole_turn_is_tried(drive):

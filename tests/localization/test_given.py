@@ -22,6 +22,7 @@ from deepring.localization.calibration import concatenate, run_trials
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.loops import LoopSettings, find_loops
 from deepring.localization.map import Map
+from deepring.localization.map_building import build_map
 from deepring.localization.observation import Observation
 from deepring.localization.scan_points import scan_points
 from helpers.networks import small_network
@@ -365,7 +366,7 @@ def test_the_ground_is_a_number(ground_z):
         lambda: Map(NETWORK, ground_z),
         lambda: PLACE_MAP.localize(SCENE, ground_z=ground_z),
         lambda: PLACE_MAP.observe([], ground_z),
-        lambda: Map.build(street(), NETWORK, 5.0, ground_z),
+        lambda: build_map(street(), NETWORK, 5.0, ground_z),
     ):
         with pytest.raises(ConfigError, match=r"ground_z: .*, expected a finite number"):
             refused()
@@ -394,11 +395,11 @@ def test_settings_have_their_types():
                 Map(**{"network": NETWORK, name: wrong})
     for spacing in (-1.0, math.nan, math.inf, "far"):
         with pytest.raises(ConfigError, match=r"spacing: .*, expected a number of metres"):
-            Map.build(street(), NETWORK, spacing)
+            build_map(street(), NETWORK, spacing)
         with pytest.raises(ConfigError, match=r"loops\.spacing"):
             LoopSettings(spacing)
     with pytest.raises(ConfigError, match="session: a list, expected a Session"):
-        Map.build([SCENE], NETWORK)
+        build_map([SCENE], NETWORK)
     with pytest.raises(ConfigError, match="session: a str"):
         find_loops("drive", Map(NETWORK))
     with pytest.raises(ConfigError, match="place_map: a DeepRing, expected a Map"):

@@ -17,9 +17,10 @@ from deepring.errors import DeepringError
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.drive_result import DriveResult, result_json
 from deepring.localization.graph_files import g2o_lines, loop_lines
+from deepring.localization.graph_noise import loop_covariance
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.loop_graph import Loop, LoopGraph, Track
-from deepring.localization.loops import LOOP_THRESHOLDS, LoopSettings, find_loops
+from deepring.localization.loops import LOOP_THRESHOLDS, LoopSettings, _in_second_frame, find_loops
 from deepring.localization.map import Map
 from deepring.localization.refinement import RefinementSettings
 from deepring.localization.trajectory_files import kitti_lines, tum_lines
@@ -149,10 +150,20 @@ def test_g2o_is_what_gtsam_reads(square, tmp_path):
     np.testing.assert_allclose(edges[3].measured().matrix(), loop.transform, atol=1e-8)
     # Rotation comes first there, and translation first in the file.
     order = [3, 4, 5, 0, 1, 2]
-    information = np.linalg.inv(loop.covariance)
+    information = np.linalg.inv(loop_covariance(loop))
     read = edges[3].noiseModel().information()
     np.testing.assert_allclose(read, information[np.ix_(order, order)], rtol=1e-6)
     assert not np.allclose(read, information, rtol=0.1)
+
+
+def test_a_loop_is_loose_where_its_registration_is():
+    """Along x of the earlier scan nothing holds; the keyframe looks along its y."""
+    transform = pose_from(rotation_from_rpy(0, 0, math.pi / 2), [3, 4, 0])
+    found = _in_second_frame(np.diag([9.0, 0, 0, 0, 0, 0.04]), transform)
+    np.testing.assert_allclose(np.diag(found), [0, 9, 0, 0, 0, 0.04], atol=1e-12)
+    covariance = loop_covariance(Loop(3, 0, transform, 0.4, 2.0, 0.9, True, found))
+    assert covariance[1, 1] == pytest.approx(9.01)
+    assert covariance[0, 0] == pytest.approx(0.01)
 
 
 def test_loops_are_rows_of_numbers(square, tmp_path):

@@ -13,6 +13,7 @@ from deepring.errors import BrokenScanError, DeepringError, FileError
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.map import Map
+from deepring.localization.map_building import build_map
 from deepring.localization.observation import Observation
 from deepring.search.search_settings import SearchSettings
 from helpers.networks import small_network
@@ -28,7 +29,7 @@ def drives(tiny_nclt):
 def place_map(drives):
     # The network is not trained: what it takes for alike is little better than chance.
     rerank = RerankSettings(candidates=100)
-    return Map.build(drives[0], small_network(), spacing=5.0, rerank=rerank)
+    return build_map(drives[0], small_network(), spacing=5.0, rerank=rerank)
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.0, -2.9])

@@ -8,7 +8,7 @@ import pytest
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.scans.point_times import TimedPoints
 from deepring.errors import BrokenScanError, ConfigError
-from deepring.localization.deskewing import deskewed, motion_per_second
+from deepring.localization.deskewing import deskewed, motion_over
 from deepring.localization.odometry import Odometry, OdometrySettings
 from helpers.recorded_drives import laps, seen_from, town
 
@@ -47,6 +47,23 @@ def test_a_jump_is_lost_and_the_motion_goes_on_behind_it():
     assert np.linalg.norm(found[0][:3, 3] - steps[19].pose[:3, 3]) == pytest.approx(step, abs=0.1)
 
 
+def test_stamps_tell_how_far_a_missing_scan_leads():
+    """With 17° between scans a missing one leads astray, unless its time is counted."""
+    points, poses = town(), laps(40, radius=12.0, rounds=0.97)[:16]
+    kept = [k for k in range(16) if k not in (9, 10)]
+
+    def lost(stamped):
+        odometry = Odometry()
+        scans = ((k, TimedPoints(seen_from(points, poses[k]), None)) for k in kept)
+        steps = [
+            odometry.register(scan, k * SECOND // 10 if stamped else None) for k, scan in scans
+        ]
+        return [kept[k] for k, step in enumerate(steps) if step.lost]
+
+    assert lost(True) == []
+    assert lost(False) == [11]
+
+
 def test_results_do_not_vary():
     poses = laps(8, rounds=0.1)
     once, again = (run(town(), poses)[-1].pose for _ in range(2))
@@ -82,8 +99,7 @@ def test_deskewed_points_are_where_they_are_at_the_stamp():
     assert np.abs(measured - world).max() > 0.5
     # Turned against the motion, twice as much is left.
     assert np.abs(deskewed(measured.astype(np.float32), -times, pose(1.0)) - world).max() > 0.5
-    half = motion_per_second(pose(0.5), 0.5)
-    np.testing.assert_allclose(half, pose(1.0), atol=1e-12)
+    np.testing.assert_allclose(motion_over(pose(0.5), 2.0), pose(1.0), atol=1e-12)
 
 
 def test_times_deskew_the_sweeps_of_a_moving_sensor():

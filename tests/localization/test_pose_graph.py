@@ -84,7 +84,9 @@ def test_loops_bring_a_drifted_drive_back(seed):
     result = optimize(graph)
     assert result.accepted.all()
     assert ate(graph.poses, truth) > 1.5
-    assert ate(result.poses, truth) < ate(graph.poses, truth) / 4
+    # What is left is the scale, of which loops know nothing: 0.6 % of 80 m are 0.48 m.
+    assert ate(result.poses, truth) < ate(graph.poses, truth) / 3
+    assert ate(result.poses, truth) < 0.6
     np.testing.assert_allclose(result.poses[0], graph.poses[0], atol=1e-3)
 
 

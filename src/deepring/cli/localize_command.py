@@ -17,6 +17,7 @@ from deepring.cli.console import console
 from deepring.cli.joined_scans import JoinedScans
 from deepring.cli.mistakes import MISTAKE, error_message
 from deepring.cli.notices import say_skipped, warn
+from deepring.cli.refined_rows import CSV, TABLE, csv_values, json_values, table_cells, table_notes
 from deepring.data.inspection.scans import expect_coordinates
 from deepring.data.readers import open_session
 from deepring.data.readers.custom.drive_file import is_drive_file
@@ -24,16 +25,18 @@ from deepring.data.scans.bag_files import bag_scans, is_bag
 from deepring.data.scans.point_times import TimedPoints
 from deepring.data.scans.scan_files import read_scan, scan_files
 from deepring.data.session import Session
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError, DeepringError
 from deepring.localization.location import Location
 from deepring.localization.map import Map
+from deepring.localization.refinement import small_gicp
 from deepring.progress import progress_bar
 from deepring.text import printable
 
 #: What the table says about trust; doubts not listed here say that one cannot tell.
 _TRUST = {None: "yes", "fit": "no", "ratio": "no"}
 
-#: A row: file and stamp (ns) of a scan, if it has one, and its location.
+#: A row: file and stamp (ns) of a scan, if it has one, its location, and with --refine as
+#: ``refined`` its `RefinedPose`.
 Row = dict[str, Any]
 
 
@@ -58,6 +61,8 @@ def localize_command(args: argparse.Namespace) -> None:
     files = scan_files(args.scans)
     joining = JoinedScans(args.accumulate)
     place_map = Map.open(args.map, check=not args.unchecked)
+    if args.refine:
+        _expect_refinable(place_map, args.map)
     failures: list[str] = []
     with progress_bar("locating") as bar:
         rows = list(locate(place_map, files, args, joining, failures, bar))
@@ -80,7 +85,8 @@ def locate(
 ) -> Iterator[Row]:
     """One row per scan; the messages about scans that cannot be located go to ``failures``.
 
-    ``args`` has ``format``, ``topic``, ``every``, ``session``, ``ground_z`` and ``flags``.
+    ``args`` has ``format``, ``topic``, ``every``, ``session``, ``ground_z``, ``refine`` and
+    ``flags``.
     """
     count = 0
     for file in files:
@@ -93,7 +99,10 @@ def locate(
                 expect_coordinates(scan.points)
                 points = joining.points(sequence, scan, stamp)
                 location = place_map.localize(points, ground_z=ground_z)
-                yield {"scan": str(name), "stamp": stamp, **asdict(location)}
+                row = {"scan": str(name), "stamp": stamp, **asdict(location)}
+                if args.refine:
+                    row["refined"] = place_map.refine(points, location, ground_z)
+                yield row
             except StopIteration:
                 break
             except DeepringError as error:
@@ -128,6 +137,16 @@ def _of_file(file: Path, binary: str | None) -> TimedPoints:
     return TimedPoints(read_scan(file, binary), None)
 
 
+def _expect_refinable(place_map: Map, file: Path) -> None:
+    """Raise ConfigError for a map without points, and without the library that registers them."""
+    if place_map.points is None:
+        raise ConfigError(
+            f"--refine: {file} holds no points of its places, expected them; build it again with "
+            "deepring map build --points"
+        )
+    small_gicp()
+
+
 def _with_scan(file: Path, stamp: int | None, message: str) -> str:
     """The message with the scan's file and stamp."""
     if str(file) in message:
@@ -137,22 +156,32 @@ def _with_scan(file: Path, stamp: int | None, message: str) -> str:
 
 def print_table(rows: Sequence[Row]) -> None:
     """Print a table."""
+    refined = any("refined" in row for row in rows)
+    found = TABLE if refined else ("x m", "y m", "yaw °", "fit", "ratio")
     table = Table(box=None, header_style="bold")
-    for name in ("scan", "x m", "y m", "yaw °", "fit", "ratio", "trusted", "found by"):
+    for name in ("scan", *found, "trusted", "found by"):
         table.add_column(name, justify="left" if name in ("scan", "found by") else "right")
     for row in rows:
         name = printable(Path(row["scan"]).name)
         table.add_row(
             name if row["stamp"] is None else f"{name} {row['stamp']}",
-            f"{row['x']:.2f}",
-            f"{row['y']:.2f}",
-            f"{math.degrees(row['yaw']):.1f}",
-            f"{row['fit']:.2f}",
-            f"{row['ratio']:.2f}",
-            _TRUST.get(row["doubt"], f"cannot tell: {row['doubt']}"),
+            *(table_cells(row["refined"]) if refined else _location_cells(row)),
+            _trust(row),
             printable(row["name"]),
         )
     console.print(table)
+
+
+def _location_cells(row: Row) -> list[str]:
+    yaw = math.degrees(row["yaw"])
+    position = [f"{row['x']:.2f}", f"{row['y']:.2f}", f"{yaw:.1f}"]
+    return [*position, f"{row['fit']:.2f}", f"{row['ratio']:.2f}"]
+
+
+def _trust(row: Row) -> str:
+    """What the table says about trust: in the location, and in its refined pose."""
+    told = _TRUST.get(row["doubt"], f"cannot tell: {row['doubt']}")
+    return "; ".join([told, *(table_notes(row["refined"]) if "refined" in row else ())])
 
 
 def print_json(rows: Sequence[Row]) -> None:
@@ -162,17 +191,21 @@ def print_json(rows: Sequence[Row]) -> None:
             name: None if isinstance(value, float) and math.isinf(value) else value
             for name, value in row.items()
         }
+        if "refined" in row:
+            finite["refined"] = json_values(row["refined"])
         print(json.dumps(finite))
 
 
 def print_csv(rows: Sequence[Row]) -> None:
     """Print CSV with a header, each row on one line."""
     names = ["scan", "stamp", *(field.name for field in fields(Location))]
+    names += CSV if any("refined" in row for row in rows) else ()
     writer = csv.DictWriter(sys.stdout, names, lineterminator="\n")
     writer.writeheader()
     for row in rows:
         texts = {"scan": printable(row["scan"]), "name": printable(row["name"])}
-        writer.writerow({**row, **texts})
+        refined = {} if "refined" not in row else csv_values(row.pop("refined"))
+        writer.writerow({**row, **texts, **refined})
 
 
 _PRINT = {"table": print_table, "json": print_json, "csv": print_csv}

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from deepring.cli.options import (
     add_drive,
+    add_format,
     add_ground,
     add_method,
     add_metres,
@@ -23,7 +24,13 @@ FORMS = ("table", "json", "csv")
 def add_map(parser: Parser) -> None:
     """``deepring map build | info | calibrate | merge``."""
     add = subcommands(parser)
-    _add_build(add("build", help="build a map of one drive", description="Build a map of a drive."))
+    _add_build(
+        add(
+            "build",
+            help="build a map of drives, or of a point cloud",
+            description="Build a map of one or several drives, or of a point cloud.",
+        )
+    )
     shower = add("info", help="show what a map holds", description="Show what a map holds, after "
                  "checking every byte of it.")  # fmt: skip
     shower.add_argument("map", type=Path, metavar="MAP")
@@ -46,8 +53,30 @@ def add_map(parser: Parser) -> None:
 
 
 def _add_build(parser: Parser) -> None:
-    clouds = ".pcd, .ply, .las, .laz, folder of tiles"
-    add_drive(parser, f"folder of the dataset, a drive.yaml, or a point cloud: {clouds}")
+    parser.add_argument(
+        "roots",
+        type=Path,
+        nargs="+",
+        metavar="DATA",
+        help="folders of datasets, drive.yaml files and bags of one world, or a point cloud: .pcd, "
+        ".ply, .las, .laz, a folder of tiles",
+    )
+    add_format(parser)
+    parser.add_argument(
+        "--session",
+        action="append",
+        help="session, if the folder holds several; may be given again for further ones",
+    )
+    parser.flags["name"] = "--session"
+    add_ground(parser, "the drive's, or where a bag's first scans show it,")
+    parser.add_argument(
+        "--poses",
+        type=Path,
+        action="append",
+        metavar="FILE",
+        help="of a bag or a folder of scans: poses by stamps, TUM; once for each, in their order",
+    )
+    parser.add_argument("--topic", help="topic of the point clouds, if a bag has several")
     add_network(parser)
     add_output(parser, "MAP", "the new map")
     parser.add_argument(
@@ -67,7 +96,7 @@ def _add_build(parser: Parser) -> None:
         action="store_true",
         help="keep the places' points, thinned, for `localize --refine`; the map becomes larger",
     )
-    parser.runs("deepring.cli.map_command:build")
+    parser.runs("deepring.cli.map_build_command:build", poses="--poses")
 
 
 def _add_cloud(parser: Parser) -> None:
@@ -151,6 +180,11 @@ def add_localize(parser: Parser) -> None:
         choices=FORMS,
         default="table",
         help="output format: %(choices)s (%(default)s)",
+    )
+    parser.add_argument(
+        "--refine",
+        action="store_true",
+        help="give the whole pose, with its covariance, by the points of a map built with --points",
     )
     parser.add_argument(
         "--unchecked", action="store_true", help="do not check every byte of the map"

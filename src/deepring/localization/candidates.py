@@ -27,6 +27,9 @@ from deepring.localization.image_correlation import half_whitened, occupied_cell
 #: name the same place as all 25 at the full resolution in each query.
 _BEST, _RIVALS = 3, 3
 
+#: The most of those that may fit, where poses are known: many do where nothing does.
+_MOST = 8
+
 #: Candidates that fit at half the resolution fit by this share of what is asked at the full one.
 _ALLOWANCE = 0.85
 
@@ -108,7 +111,8 @@ def _promising(coarse: Alignment, poses: Tensor | None, settings: RerankSettings
     fits[order[:_BEST]] = True
     if poses is None:  # the nearest of all that fit is asked for
         fits |= score >= _ALLOWANCE * settings.close * score[order[0]]
-    else:
+    else:  # what decides is the best and its rivals
+        fits[order[_MOST:]] = False
         positions = world_positions(coarse.position, poses)
         away = torch.linalg.vector_norm(positions - positions[order[0]], dim=-1) > settings.apart
         fits[order[away[order]][:_RIVALS]] = True

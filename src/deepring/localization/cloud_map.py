@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring import checks
-from deepring.data.clouds.plausibility import cloud_spacing, expect_plausible
+from deepring.data.clouds.plausibility import expect_plausible
 from deepring.data.clouds.tiles import TiledCloud
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError, DataError
@@ -76,8 +76,7 @@ def map_of_cloud(
         spacing = GRID_SPACING if path is None else PATH_SPACING
     checks.positive("spacing", spacing, "metres")
     place_map = Map(network, -sensor.height, **settings)
-    expect_plausible(cloud)
-    apart = cloud_spacing(cloud)
+    apart = expect_plausible(cloud)
     left_out: list[str] = []
     names, grounds = _places(cloud, sensor, spacing, apart, path, left_out)
     with progress_bar("describing places") as bar:

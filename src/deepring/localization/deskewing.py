@@ -32,15 +32,15 @@ def deskewed(points: Points, times: NDArray[np.float64], motion: NDArray[np.floa
     return moved
 
 
-def motion_per_second(motion: NDArray[np.float64], seconds: float) -> NDArray[np.float64]:
-    """The motion (4, 4) of one second, of one that took so many ``seconds`` at the same velocity.
+def motion_over(motion: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+    """The motion (4, 4) over a ``share`` of the time of another, at the same velocity.
 
     Velocity is the shift in the first frame and the rotation vector, each over the time.
     """
     from scipy.spatial.transform import Rotation
 
-    turn = Rotation.from_matrix(motion[:3, :3]).as_rotvec() / seconds
-    one = np.eye(4)
-    one[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
-    one[:3, 3] = motion[:3, 3] / seconds
-    return one
+    turn = Rotation.from_matrix(motion[:3, :3]).as_rotvec() * share
+    part = np.eye(4)
+    part[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
+    part[:3, 3] = motion[:3, 3] * share
+    return part

@@ -16,8 +16,9 @@ ODOMETRY = (0.03, 0.1)
 SHORTEST = 1.0
 #: A break of the odometry, metres and degrees: anything.
 BREAK = (100.0, 90.0)
-#: A loop refined on the points, without a covariance of its own: x, y, z in metres, roll, pitch,
-#: yaw in degrees.
+#: A loop refined on the points: x, y, z in metres, roll, pitch, yaw in degrees. Added to the
+#: covariance of its registration, which takes both scans for rigid and says which directions no
+#: surface holds.
 REFINED = (0.1, 0.1, 0.1, 0.5, 0.5, 0.5)
 #: A loop of images alone, which show neither height nor tilt.
 PLANAR = (0.5, 0.5, 1.5, 4.0, 4.0, 1.0)
@@ -36,10 +37,9 @@ def odometry_covariances(graph: LoopGraph) -> NDArray[np.float64]:
 
 
 def loop_covariance(loop: Loop) -> NDArray[np.float64]:
-    """(6, 6), the registration's own where it has one."""
-    if loop.covariance is not None:
-        return loop.covariance
-    return np.diag(_deviations(REFINED if loop.refined else PLANAR) ** 2)
+    """(6, 6), with the registration's own where it has one."""
+    usual = np.diag(_deviations(REFINED if loop.refined else PLANAR) ** 2)
+    return usual if loop.covariance is None else usual + loop.covariance
 
 
 def _deviations(values: tuple[float, ...]) -> NDArray[np.float64]:

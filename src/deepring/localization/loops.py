@@ -165,4 +165,15 @@ def _refine(loop: Loop, points: Points, earlier: Points, settings: RefinementSet
         transform=result.transform,
         inliers=result.inliers,
         refined=result.converged,
+        covariance=_in_second_frame(result.covariance, result.transform)
+        if result.converged
+        else None,
     )
+
+
+def _in_second_frame(
+    covariance: NDArray[np.float64], transform: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """A covariance (6, 6) along the axes of the earlier scan, along those of the keyframe."""
+    turn = np.kron(np.eye(2), transform[:3, :3].T)
+    return np.asarray(turn @ covariance @ turn.T)

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +11,6 @@ from numpy.typing import NDArray
 
 from deepring import checks
 from deepring.core.rigid import yaw_after_turn
-from deepring.data.left_out import LeftOut, usable_scans
-from deepring.data.session import Points, Session
 from deepring.errors import ConfigError, DataError
 from deepring.io.sealed import open_sealed, write_sealed
 from deepring.localization.candidates import RerankSettings, align_candidates, spread_out
@@ -23,11 +20,12 @@ from deepring.localization.map_file import FORMAT, MapHeader, expect_fitting, pr
 from deepring.localization.observation import Observation, described, observed, occupancy
 from deepring.localization.place_points import PlacePoints, thinned_points
 from deepring.localization.place_store import PlaceStore
+from deepring.localization.refined_pose import RefinedPose, refined_pose
+from deepring.localization.refinement import RefinementSettings
 from deepring.localization.rivals import fit_elsewhere
 from deepring.localization.scan_points import scan_points
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import describe_network, make_network, weights_of
-from deepring.progress import Progress
 from deepring.rasters import BevRaster
 from deepring.search.block_store import axis_of
 from deepring.search.correlation_index import CorrelationIndex
@@ -94,48 +92,6 @@ class Map:
     def __len__(self) -> int:
         return len(self.places)
 
-    @classmethod
-    def build(
-        cls,
-        session: Session,
-        network: DeepRing,
-        spacing: float = 10.0,
-        ground_z: float = 0.0,
-        progress: Progress | None = None,
-        left_out: LeftOut | None = None,
-        **settings: Any,
-    ) -> "Map":
-        """A map of a session, one place per ``spacing`` metres.
-
-        Args:
-            session: the scans and their poses.
-            network: see `Map`.
-            spacing: metres between places; 0 takes each scan.
-            ground_z: see `Map`.
-            progress: called with the numbers of places done and wanted.
-            left_out: receives the scans that cannot be used, which are otherwise logged.
-            settings: the others of `Map`.
-
-        Raises ConfigError for a negative spacing, and DataError where too many scans cannot be
-        used; see `deepring.data.left_out`.
-        """
-        checks.of_type("session", session, Session)
-        place_map = cls(network, ground_z, **settings)
-
-        def see(k: int) -> tuple[NDArray[np.bool_], Points | None]:
-            points, name = session.points(k), str(session.files[k])
-            image = occupancy(name, points, place_map.ground_z, place_map.raster)
-            return image, None if place_map.points is None else points
-
-        places = usable_scans(session, spacing, see, left_out, progress)
-        while batch := list(islice(places, BATCH)):
-            scans = [k for k, _ in batch]
-            seen = described(place_map.network, np.stack([image for _, (image, _) in batch]))
-            names = [session.files[k].name for k in scans]
-            points = [points for _, (_, points) in batch]
-            place_map.add_observation(seen, session.poses[scans], names, points)
-        return place_map
-
     def add(self, scans: Iterable[Any], poses: Any, names: Iterable[str]) -> None:
         """Add k places: scans (n, 3), each in its own frame, and poses (k, 4, 4), world <- scan.
 
@@ -157,6 +113,30 @@ class Map:
         """
         self._expect_places(before)
         return self.localize_observation(self.observe([points], ground_z), before)
+
+    def refine(
+        self,
+        points: Any,
+        location: Location,
+        ground_z: float | None = None,
+        settings: RefinementSettings | None = None,
+    ) -> RefinedPose:
+        """The whole pose of a scan that was located, with its covariance, by the map's points.
+
+        The scan's points (n, 3) are registered on those of the location's place and the places
+        around. A location that is not trusted is refined too, and stays a doubt.
+
+        Args:
+            points: the scan, as in `localize`.
+            location: what `localize` gave.
+            ground_z: see `localize`.
+            settings: the registration.
+
+        Raises DataError for a map without points (``Map(points=True)``) and as `localize` does for
+        a scan, and ConfigError if small_gicp is not installed.
+        """
+        checks.of_type("location", location, Location)
+        return refined_pose(self, points, location, ground_z, settings or RefinementSettings())
 
     def observe(self, scans: Iterable[Any], ground_z: float | None = None) -> Observation:
         """Images and descriptors of scans, for `add_observation` and `localize_observation`.

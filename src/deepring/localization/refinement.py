@@ -11,7 +11,14 @@ from deepring import checks
 from deepring.core.arrays import real_array
 from deepring.core.rigid import FloatArray, pose_from, rotation_from_rpy, yaw_after_turn, yaw_of
 from deepring.errors import ConfigError, DataError
+from deepring.localization.pose_covariance import pose_uncertainty
 from deepring.localization.scan_points import scan_points
+from deepring.localization.surfaces import (
+    Surfaces,
+    brought_together,
+    matched_surfaces,
+    no_surfaces,
+)
 
 
 @dataclass(frozen=True)
@@ -57,6 +64,31 @@ class Refinement(NamedTuple):
     the fit of the alignment tell."""
     error: float
     """GICP's squared error per inlier, without a unit; infinite where there are none."""
+    covariance: FloatArray
+    """(6, 6) of x, y, z, roll, pitch, yaw along the axes of the map scan, metres and radians; see
+    `deepring.localization.pose_covariance`. Unless ``converged``, as large as the range that the
+    registration may move in."""
+    unobservable: FloatArray
+    """(k, 6) directions that no surface holds, as in `PoseUncertainty`."""
+
+
+class Registration(NamedTuple):
+    """How a registration ended, whatever one thinks of it."""
+
+    transform: FloatArray
+    """(4, 4) reference <- query."""
+    inliers: float
+    """Share of the query's thinned points that match."""
+    settled: bool
+    """Whether the last step was short."""
+    error: float
+    """As in `Refinement`."""
+    surfaces: Surfaces
+    """Those that both scans show."""
+    by_gicp: FloatArray
+    """(4, 4) where GICP ended, from which the surfaces were brought together."""
+    hessian: FloatArray
+    """(6, 6) of GICP there, for by_gicp · Exp(rotation, translation)."""
 
 
 def refine(
@@ -81,9 +113,39 @@ def refine(
     """
     settings = settings or RefinementSettings()
     start = start_of(turn, position)
+    query, reference = _scan("query", query), _scan("reference", reference)
+    return settled(register(query, reference, start, settings), start, settings)
+
+
+def settled(found: Registration, start: FloatArray, settings: RefinementSettings) -> Refinement:
+    """What a registration gives; its start (4, 4) where it did not settle near that."""
+    near = _near(found.transform, start, settings)
+    converged = found.settled and found.inliers > 0 and near
+    transform = found.transform if converged else start
+    surfaces = found.surfaces if converged else no_surfaces()
+    known = pose_uncertainty(surfaces, settings.max_shift, settings.max_turn)
+    return Refinement(
+        transform,
+        yaw_after_turn(0.0, float(yaw_of(transform))),
+        transform[:2, 3].copy(),
+        found.inliers,
+        converged,
+        found.error,
+        known.covariance,
+        known.unobservable,
+    )
+
+
+def register(
+    query: FloatArray, reference: FloatArray, start: FloatArray, settings: RefinementSettings
+) -> Registration:
+    """Register points (n, 3) on points (m, 3), metres, float64, from a start (4, 4).
+
+    Raises ConfigError if small_gicp is not installed.
+    """
     library = small_gicp()
-    target, tree = library.preprocess_points(_scan("reference", reference), settings.voxel)
-    source, _ = library.preprocess_points(_scan("query", query), settings.voxel)
+    target, tree = library.preprocess_points(reference, settings.voxel)
+    source, _ = library.preprocess_points(query, settings.voxel)
     transform = start
     for reach in settings.reaches:
         result = library.align(
@@ -95,16 +157,20 @@ def refine(
             max_iterations=settings.iterations,
         )
         transform = np.asarray(result.T_target_source, dtype=np.float64)
-    near = _near(transform, start, settings)
-    converged = bool(result.converged) and result.num_inliers > 0 and near
-    transform = transform if converged else start
-    return Refinement(
+    by_gicp, reach = transform, settings.reaches[-1]
+    surfaces, short = no_surfaces(), False
+    if np.isfinite(transform).all():
+        loose = np.repeat([settings.max_shift, settings.max_turn], 3)
+        transform, short = brought_together(target, tree, source, transform, reach, loose)
+        surfaces = matched_surfaces(target, tree, source, transform, reach)
+    return Registration(
         transform,
-        yaw_after_turn(0.0, float(yaw_of(transform))),
-        transform[:2, 3].copy(),
         result.num_inliers / source.size(),
-        converged,
+        short or bool(result.converged),
         result.error / result.num_inliers if result.num_inliers else math.inf,
+        surfaces,
+        by_gicp,
+        np.asarray(result.H, dtype=np.float64),
     )
 
 

@@ -25,7 +25,8 @@ def drive_figure(result: DriveResult) -> Figure:
     """Trajectory before and, if there is one, after optimisation, each in a panel, with the loops.
 
     Loops are lines between keyframes: accepted ones green, rejected ones red. Where the truth is
-    known it lies below, and trajectories are aligned with it.
+    known it lies below, and trajectories are aligned with it. No line leads across a break of the
+    odometry.
     """
     drawn = {name: _aligned(result, poses) for name, poses in result.trajectories().items()}
     extent = np.ptp(np.concatenate(list(drawn.values())), axis=0)
@@ -57,10 +58,13 @@ def _draw(
         x, y = result.truth.poses[result.truth.known][:, :2, 3].T
         axes.plot(x, y, color=_TRUTH, linewidth=4, label=label("true poses"))
     colour = _AFTER if name == "optimized" else _BEFORE
-    axes.plot(*positions.T, color=colour, linewidth=1.2, label=label("trajectory"))
     keyframes = positions[result.graph.scans]
-    for breaking in result.graph.breaks:
-        axes.plot(*keyframes[breaking], "D", color=MISS, markersize=6, label=label("odometry lost"))
+    for k, part in enumerate(np.split(positions, result.graph.scans[list(result.graph.breaks)])):
+        name_once = label("trajectory") if k == 0 else "_"
+        axes.plot(*part.T, color=colour, linewidth=1.2, label=name_once)
+    if result.graph.breaks:
+        lost = keyframes[list(result.graph.breaks)].T
+        axes.plot(*lost, "D", color=MISS, markersize=6, label=label("odometry lost"))
     kept = {id(loop) for loop in result.kept}
     for accepted, tone, words in ((True, HIT, "loops"), (False, MISS, "loops rejected")):
         pairs = [

@@ -186,9 +186,9 @@ def _reader(path: Path, metadata: Metadata, name: str, heights: _Heights) -> Cal
                 precision.add(points)
             parts.append(thinned((points - corner).astype(np.float32)))
         precision.expect_enough()
-        points = thinned(np.concatenate(parts))
-        _expect_inside(points, path, metadata, name)
-        return points
+        whole = thinned(np.concatenate(parts))
+        _expect_inside(whole, path, metadata, name)
+        return whole
 
     return read
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 #: Side of a cell, metres.
 CELL = 0.5
-#: Metres above the ground between which points can be those of what passed; tall things pass
-#: rarely, and ground rises and has grass.
-LOWEST, HIGHEST = 0.4, 2.7
+#: Metres above the ground between which points can be those of what passed: lorries and buses are
+#: up to 4 m high, and ground rises and has grass.
+LOWEST, HIGHEST = 0.4, 4.0
 #: Metres above the lowest point near by, within which a point is one of the ground.
 GROUND = 0.3
 #: Cells, along each axis, in which the lowest point is looked for.

@@ -63,8 +63,11 @@ def expect_unit(source: str, points: NDArray[np.float64]) -> None:
         raise _wrong_unit(source, points, f"points are {apart:.3g} m apart")
 
 
-def expect_plausible(cloud: TiledCloud) -> None:
-    """Raise DataError for a cloud in another unit, or one in which z does not point up."""
+def expect_plausible(cloud: TiledCloud) -> float:
+    """The cloud's spacing, see `cloud_spacing`.
+
+    Raises DataError for a cloud in another unit, or one in which z does not point up.
+    """
     sample = _sample(cloud)
     apart = cloud_spacing(cloud)
     if apart > FARTHEST_APART:
@@ -89,6 +92,7 @@ def expect_plausible(cloud: TiledCloud) -> None:
             f"ground, and the lowest are not (steps of {highest:.2f} and {lowest:.2f} m on 2 m); "
             "expected z up: turn the cloud"
         )
+    return apart
 
 
 def _wrong_unit(source: str, points: NDArray[np.floating], what: str) -> DataError:

@@ -1,0 +1,156 @@
+"""`deepring map build`: a map of one or several drives, or of a point cloud."""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from deepring.cli.map_command import show
+from deepring.cli.notices import say_skipped, warn
+from deepring.cli.options import expect_new, network_of, open_drive
+from deepring.data.clouds.open_cloud import is_cloud, open_cloud
+from deepring.data.inspection.recording import inspect_recording
+from deepring.data.left_out import LeftOut
+from deepring.data.poses.path_file import read_path
+from deepring.data.poses.trajectory import Trajectory
+from deepring.data.poses.tum import read_tum
+from deepring.data.recording import Recording, has_scans, recorded_bag, recorded_files
+from deepring.data.scans.bag_files import is_bag
+from deepring.data.session import Session
+from deepring.errors import ConfigError, DataError
+from deepring.localization.cloud_map import map_of_cloud
+from deepring.localization.map import Map
+from deepring.localization.map_building import SPACING, add_recording, add_session
+from deepring.localization.virtual_scan import VirtualSensor
+from deepring.progress import progress_bar
+from deepring.search.search_settings import SearchSettings
+
+#: Options of one of the two kinds of maps alone, by their names in the parser.
+_OF_CLOUDS = ("path", "height", "fov")
+_OF_DRIVES = ("format", "session", "ground_z", "poses", "topic")
+
+#: Heights of the ground in the scans of two drives that count as one, metres.
+_SAME_GROUND = 0.3
+
+
+class Drive(NamedTuple):
+    """A drive whose places go into a map."""
+
+    scans: Session | Recording
+    ground_z: float
+    """z of the ground under the sensor in its scans' frame, metres."""
+    poses: Trajectory | None
+    """Of a recording."""
+
+
+def build(args: argparse.Namespace) -> None:
+    """Build a map of drives, or of a point cloud."""
+    expect_new(args.output)
+    clouds = [root for root in args.roots if is_cloud(root)]
+    for name in _OF_DRIVES if clouds else _OF_CLOUDS:
+        if getattr(args, name) is not None:
+            flag = f"--{name.replace('_', '-')}"
+            what, other = ("a point cloud", "a drive") if clouds else ("a drive", "a point cloud")
+            root = clouds[0] if clouds else args.roots[0]
+            raise ConfigError(f"{flag}: {root} is {what}, expected {other} with this option")
+    if clouds and len(args.roots) > 1:
+        raise ConfigError(
+            f"{clouds[0]}: a point cloud beside other data, expected it alone; build a map of each "
+            "and put them together with `deepring map merge`"
+        )
+    place_map = _map_of_cloud(args) if clouds else _map_of_drives(args)
+    place_map.save(args.output)
+    show(args.output, place_map)
+
+
+def _map_of_cloud(args: argparse.Namespace) -> Map:
+    sensor = VirtualSensor()
+    if args.height is not None:
+        sensor = replace(sensor, height=args.height)
+    if args.fov is not None:
+        sensor = replace(sensor, fov=tuple(args.fov))
+    (root,) = args.roots
+    path = None if args.path is None else read_path(args.path)
+    network = network_of(args.checkpoint)
+    settings = {"search": SearchSettings(args.precision), "points": args.points}
+    with progress_bar("sorting points") as bar, open_cloud(root, warn, bar) as cloud:
+        built = map_of_cloud(cloud, network, sensor, args.spacing, path, **settings)
+    for reason in built.left_out:
+        warn(f"{root}: left out {reason}")
+    return built.map
+
+
+def _map_of_drives(args: argparse.Namespace) -> Map:
+    network = network_of(args.checkpoint)
+    drives = _drives(args)
+    ground_z = _common_ground(drives)
+    place_map = Map(network, ground_z, search=SearchSettings(args.precision), points=args.points)
+    spacing = SPACING if args.spacing is None else args.spacing
+    for drive in drives:
+        left_out = LeftOut()
+        with progress_bar(f"{drive.scans.name}: describing places") as bar:
+            if isinstance(drive.scans, Session):
+                add_session(place_map, drive.scans, spacing, bar, left_out)
+            else:
+                assert drive.poses is not None
+                add_recording(place_map, drive.scans, drive.poses, spacing, bar, left_out)
+        warn(str(left_out))
+    names = ", ".join(drive.scans.name for drive in drives)
+    place_map.source = f"drive {names}" if len(drives) == 1 else f"drives {names}"
+    return place_map
+
+
+def _drives(args: argparse.Namespace) -> list[Drive]:
+    """The drives that the options name, looked at before the work. All are in one world."""
+    sessions = args.session or [None]
+    if len(args.roots) > 1 and args.session:
+        raise ConfigError(
+            "--session: given with several folders, expected one folder; a drive.yaml that holds a "
+            "single session names it"
+        )
+    recordings = [root for root in args.roots if is_bag(root) or has_scans(root)]
+    poses = dict(zip(recordings, _poses(recordings, args.poses or []), strict=True))
+    drives = []
+    for root in args.roots:
+        if root in poses:
+            drives.append(_recorded(root, poses[root], args))
+            continue
+        for session in sessions:
+            one = argparse.Namespace(**{**vars(args), "root": root, "session": session})
+            drives.append(Drive(*open_drive(one), None))
+    return drives
+
+
+def _poses(recordings: Sequence[Path], files: Sequence[Path]) -> list[Trajectory]:
+    if len(files) != len(recordings):
+        named = ", ".join(str(root) for root in recordings) or "none"
+        raise ConfigError(
+            f"--poses: {len(files)} files, expected one for each bag or folder of scans, in their "
+            f"order ({named}); `deepring loops` finds the poses of a bag that has none"
+        )
+    return [read_tum(file) for file in files]
+
+
+def _recorded(root: Path, poses: Trajectory, args: argparse.Namespace) -> Drive:
+    if is_bag(root):
+        recording = recorded_bag(root, args.topic)
+    else:
+        recording = recorded_files(root, args.format)
+    say_skipped(recording)
+    ground_z, findings = inspect_recording(recording, args.ground_z)
+    for finding in findings:
+        warn(f"session {recording.name}: {finding}")
+    return Drive(recording, ground_z, poses)
+
+
+def _common_ground(drives: Sequence[Drive]) -> float:
+    first = drives[0].ground_z
+    for drive in drives[1:]:
+        if abs(drive.ground_z - first) > _SAME_GROUND:
+            raise DataError(
+                f"drives: the ground is at z = {first:g} m in the scans of {drives[0].scans.name}, "
+                f"and at {drive.ground_z:g} m in those of {drive.scans.name}; expected sensors at "
+                "one height: build a map of each and put them together with `deepring map merge`"
+            )
+    return first
