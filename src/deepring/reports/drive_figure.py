@@ -6,8 +6,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from deepring.localization.drive_result import DriveResult
-from deepring.localization.trajectory_error import aligning
+from deepring.localization.drives.drive_result import DriveResult
+from deepring.localization.drives.trajectory_error import aligning
 from deepring.reports.style import (
     DATABASE,
     HIT,

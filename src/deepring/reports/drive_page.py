@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from deepring.localization.drive_result import DriveResult, TrajectoryErrors
+from deepring.localization.drives.drive_result import DriveResult, TrajectoryErrors
 from deepring.reports.html import heading, page, paragraph, picture, table
 
 #: Loops in the table; all are in the JSON file.
