@@ -11,13 +11,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from numpy.typing import NDArray
 from rich.table import Table
 
 from deepring.cli.console import console
 from deepring.cli.joined_scans import JoinedScans
+from deepring.cli.looking import expect_lookable
 from deepring.cli.mistakes import MISTAKE, error_message
 from deepring.cli.notices import say_skipped, warn
 from deepring.cli.refined_rows import CSV, TABLE, csv_values, json_values, table_cells, table_notes
+from deepring.cli.shown_scans import ShownScans
 from deepring.data.inspection.scans import expect_coordinates
 from deepring.data.readers import open_session
 from deepring.data.readers.custom.drive_file import is_drive_file
@@ -51,6 +54,8 @@ class Scan(NamedTuple):
     """z of the ground in its frame, metres; None for the map's."""
     sequence: Path
     """The bag, the drive or the folder whose scans follow each other."""
+    pose: NDArray | None = None
+    """(4, 4) of a drive's scan."""
 
 
 def localize_command(args: argparse.Namespace) -> None:
@@ -58,19 +63,23 @@ def localize_command(args: argparse.Namespace) -> None:
 
     Exits with 1 if some scans cannot be located, and with 2 if none can.
     """
+    expect_lookable(args)
     files = scan_files(args.scans)
     joining = JoinedScans(args.accumulate)
     place_map = Map.open(args.map, check=not args.unchecked)
     if args.refine:
         _expect_refinable(place_map, args.map)
     failures: list[str] = []
+    shown = ShownScans(args, place_map)
     with progress_bar("locating") as bar:
-        rows = list(locate(place_map, files, args, joining, failures, bar))
+        rows = list(locate(place_map, files, args, joining, failures, bar, shown))
     warn(joining.warning())
     if rows or not failures:
         _PRINT[args.form](rows)
     for message in failures:
         print(f"error: {printable(message)}", file=sys.stderr)
+    if rows:
+        shown.show(failures)
     if failures:
         sys.exit(1 if rows else MISTAKE)
 
@@ -82,11 +91,12 @@ def locate(
     joining: JoinedScans,
     failures: list[str],
     progress: Callable[[int, int], None],
+    shown: ShownScans,
 ) -> Iterator[Row]:
     """One row per scan; the messages about scans that cannot be located go to ``failures``.
 
-    ``args`` has ``format``, ``topic``, ``every``, ``session``, ``ground_z``, ``refine`` and
-    ``flags``.
+    ``shown`` receives each located scan. ``args`` has ``format``, ``topic``, ``every``,
+    ``session``, ``ground_z``, ``refine`` and ``flags``.
     """
     count = 0
     for file in files:
@@ -94,14 +104,17 @@ def locate(
         while True:
             name, stamp = file, None
             try:
-                name, stamp, read, ground_z, sequence = next(scans)
+                name, stamp, read, ground_z, sequence, pose = next(scans)
                 scan = read()
                 expect_coordinates(scan.points)
                 points = joining.points(sequence, scan, stamp)
-                location = place_map.localize(points, ground_z=ground_z)
+                seen = place_map.observe([points], ground_z)
+                location = place_map.localize_observation(seen)
                 row = {"scan": str(name), "stamp": stamp, **asdict(location)}
                 if args.refine:
                     row["refined"] = place_map.refine(points, location, ground_z)
+                title = name.name if stamp is None else f"{name.name} {stamp}"
+                shown.add(title, row.get("refined"), location, seen, points, ground_z, pose)
                 yield row
             except StopIteration:
                 break
@@ -120,7 +133,8 @@ def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
         ground_z = session.ground_z if args.ground_z is None else args.ground_z
         stamps = [None] * len(session) if session.stamps is None else session.stamps.tolist()
         for k in range(0, len(session), args.every):
-            yield Scan(session.files[k], stamps[k], partial(_of_drive, session, k), ground_z, file)
+            read = partial(_of_drive, session, k)
+            yield Scan(session.files[k], stamps[k], read, ground_z, file, session.poses[k])
     elif is_bag(file):
         for scan in bag_scans(file, args.topic, args.every):
             yield Scan(file, scan.stamp, scan.timed, args.ground_z, file)

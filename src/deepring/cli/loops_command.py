@@ -8,6 +8,7 @@ from rich.table import Table
 
 from deepring.cli.console import console
 from deepring.cli.drive_source import DriveSource, open_source
+from deepring.cli.looking import expect_lookable, show_scene
 from deepring.cli.notices import warn
 from deepring.cli.options import expect_new, network_of
 from deepring.data.left_out import LeftOut
@@ -28,6 +29,7 @@ from deepring.localization.registration.refinement import RefinementSettings, sm
 from deepring.progress import progress_bar
 from deepring.reports.drive_figure import drive_figure
 from deepring.reports.drive_page import drive_page, error_head, error_rows, summary_rows
+from deepring.reports.drive_scene import drive_scene
 from deepring.reports.style import png
 from deepring.text import printable
 
@@ -38,6 +40,7 @@ def loops_command(args: argparse.Namespace) -> None:
     if not cut_short(files.values()):
         for path in files.values():
             expect_new(path)
+    expect_lookable(args, *files.values())
     if args.optimize:
         gtsam()  # what is missing is said before the drive is read
         small_gicp()
@@ -63,6 +66,7 @@ def loops_command(args: argparse.Namespace) -> None:
     )
     write_together(_contents(result, files))
     _say(result)
+    show_scene(args, lambda: drive_scene(result))
     for path in files.values():
         console.print(f"written      {printable(str(path))}")
 

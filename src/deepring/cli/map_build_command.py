@@ -6,7 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from deepring.cli.map_command import show
+import numpy as np
+from numpy.typing import NDArray
+
+from deepring.cli.looking import expect_lookable
+from deepring.cli.map_command import look, show
 from deepring.cli.notices import say_skipped, warn
 from deepring.cli.options import expect_new, network_of, open_drive
 from deepring.data.clouds.open_cloud import is_cloud, open_cloud
@@ -43,10 +47,29 @@ class Drive(NamedTuple):
     poses: Trajectory | None
     """Of a recording."""
 
+    @property
+    def path(self) -> NDArray[np.float64]:
+        """(n, 3) positions, metres."""
+        if isinstance(self.scans, Session):
+            return self.scans.poses[:, :3, 3]
+        assert self.poses is not None
+        return self.poses.poses[:, :3, 3]
+
+
+class Built(NamedTuple):
+    """A map, and what was gone through for it."""
+
+    map: Map
+    paths: Sequence[NDArray[np.float64]]
+    """Each (n, 3), positions that were driven, metres."""
+    left_out: Sequence[str]
+    """Why scans or places were left out."""
+
 
 def build(args: argparse.Namespace) -> None:
     """Build a map of drives, or of a point cloud."""
     expect_new(args.output)
+    expect_lookable(args, args.output)
     clouds = [root for root in args.roots if is_cloud(root)]
     for name in _OF_DRIVES if clouds else _OF_CLOUDS:
         if getattr(args, name) is not None:
@@ -59,12 +82,13 @@ def build(args: argparse.Namespace) -> None:
             f"{clouds[0]}: a point cloud beside other data, expected it alone; build a map of each "
             "and put them together with `deepring map merge`"
         )
-    place_map = _map_of_cloud(args) if clouds else _map_of_drives(args)
-    place_map.save(args.output)
-    show(args.output, place_map)
+    built = _map_of_cloud(args) if clouds else _map_of_drives(args)
+    built.map.save(args.output)
+    show(args.output, built.map)
+    look(args, args.output, built.map, built.paths, built.left_out)
 
 
-def _map_of_cloud(args: argparse.Namespace) -> Map:
+def _map_of_cloud(args: argparse.Namespace) -> Built:
     sensor = VirtualSensor()
     if args.height is not None:
         sensor = replace(sensor, height=args.height)
@@ -78,15 +102,16 @@ def _map_of_cloud(args: argparse.Namespace) -> Map:
         built = map_of_cloud(cloud, network, sensor, args.spacing, path, **settings)
     for reason in built.left_out:
         warn(f"{root}: left out {reason}")
-    return built.map
+    return Built(built.map, [] if path is None else [path], built.left_out)
 
 
-def _map_of_drives(args: argparse.Namespace) -> Map:
+def _map_of_drives(args: argparse.Namespace) -> Built:
     network = network_of(args.checkpoint)
     drives = _drives(args)
     ground_z = _common_ground(drives)
     place_map = Map(network, ground_z, search=SearchSettings(args.precision), points=args.points)
     spacing = SPACING if args.spacing is None else args.spacing
+    reasons: list[str] = []
     for drive in drives:
         left_out = LeftOut()
         with progress_bar(f"{drive.scans.name}: describing places") as bar:
@@ -96,9 +121,10 @@ def _map_of_drives(args: argparse.Namespace) -> Map:
                 assert drive.poses is not None
                 add_recording(place_map, drive.scans, drive.poses, spacing, bar, left_out)
         warn(str(left_out))
+        reasons += left_out.reasons
     names = ", ".join(drive.scans.name for drive in drives)
     place_map.source = f"drive {names}" if len(drives) == 1 else f"drives {names}"
-    return place_map
+    return Built(place_map, [drive.path for drive in drives], reasons)
 
 
 def _drives(args: argparse.Namespace) -> list[Drive]:

@@ -117,13 +117,17 @@ def network_of(checkpoint: str) -> "DeepRing":
     return network
 
 
-def expect_new(path: Path) -> None:
-    """Raise FileError if the file exists, so that nothing is overwritten, or cannot be written."""
+def expect_new(path: Path, argument: str = "output") -> None:
+    """Raise FileError if the file exists, so that nothing is overwritten, or cannot be written.
+
+    ``argument`` is the library's name of the option.
+    """
     if os.path.lexists(path):
         raise FileError(
-            f"output: {path} exists, expected a new file; nothing is overwritten: name another one"
+            f"{argument}: {path} exists, expected a new file; nothing is overwritten: name "
+            "another one"
         )
-    expect_writable(path)
+    expect_writable(path, argument)
 
 
 def expect_folder(path: Path) -> None:
@@ -133,7 +137,7 @@ def expect_folder(path: Path) -> None:
     expect_writable(path)
 
 
-def expect_writable(path: Path) -> None:
+def expect_writable(path: Path, argument: str = "output") -> None:
     """Raise FileError unless a file or folder can be written at the path, before any work is done.
 
     Folders above it that are missing are not made yet. Nothing is left behind.
@@ -141,7 +145,7 @@ def expect_writable(path: Path) -> None:
     try:
         str(path).encode()
     except UnicodeEncodeError:
-        raise FileError(f"output: {path}, expected a name in UTF-8; name another one") from None
+        raise FileError(f"{argument}: {path}, expected a name in UTF-8; name another one") from None
     above = path.absolute() if path.is_dir() else path.absolute().parent
     try:
         part_of(path).exists()  # raises where the name is too long
@@ -155,4 +159,26 @@ def expect_writable(path: Path) -> None:
             errno.ENOTDIR: f"{above} is a file",
             errno.ENOSPC: f"no space is left in {above}",
         }.get(error.errno or 0, f"no file can be made in {above}")
-        raise FileError(f"output: {path} cannot be written: {reason}; name another one") from error
+        raise FileError(
+            f"{argument}: {path} cannot be written: {reason}; name another one"
+        ) from error
+
+
+def add_looking(parser: Parser, page: bool = True) -> None:
+    """``--page``, ``--view`` and ``--view-file``."""
+    if page:
+        parser.add_argument(
+            "--page",
+            type=Path,
+            metavar="FILE",
+            help="write a page to look at, .html, of one file",
+        )
+    parser.add_argument(
+        "--view", action="store_true", help="open the viewer of rerun (needs deepring[view])"
+    )
+    parser.add_argument(
+        "--view-file",
+        type=Path,
+        metavar="FILE",
+        help="write a file for the viewer of rerun, .rrd (needs deepring[view])",
+    )

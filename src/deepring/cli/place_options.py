@@ -6,6 +6,7 @@ from deepring.cli.options import (
     add_drive,
     add_format,
     add_ground,
+    add_looking,
     add_method,
     add_metres,
     add_network,
@@ -34,6 +35,7 @@ def add_map(parser: Parser) -> None:
     shower = add("info", help="show what a map holds", description="Show what a map holds, after "
                  "checking every byte of it.")  # fmt: skip
     shower.add_argument("map", type=Path, metavar="MAP")
+    add_looking(shower)
     shower.runs("deepring.cli.map_command:info")
     _add_calibrate(
         add(
@@ -96,6 +98,7 @@ def _add_build(parser: Parser) -> None:
         action="store_true",
         help="keep the places' points, thinned, for `localize --refine`; the map becomes larger",
     )
+    add_looking(parser)
     parser.runs("deepring.cli.map_build_command:build", poses="--poses")
 
 
@@ -189,6 +192,7 @@ def add_localize(parser: Parser) -> None:
     parser.add_argument(
         "--unchecked", action="store_true", help="do not check every byte of the map"
     )
+    add_looking(parser)
     parser.runs("deepring.cli.localize_command:localize_command", binary="--format")
 
 
@@ -233,6 +237,7 @@ def add_loops(parser: Parser) -> None:
         action="store_true",
         help="close the refined loops in a pose graph (needs deepring[refine,optimize])",
     )
+    add_looking(parser, page=False)
     parser.runs("deepring.cli.loops_command:loops_command", binary="--format")
 
 

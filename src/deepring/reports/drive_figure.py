@@ -7,7 +7,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from deepring.localization.drives.drive_result import DriveResult
-from deepring.localization.drives.trajectory_error import aligning
 from deepring.reports.style import (
     DATABASE,
     HIT,
@@ -28,7 +27,7 @@ def drive_figure(result: DriveResult) -> Figure:
     known it lies below, and trajectories are aligned with it. No line leads across a break of the
     odometry.
     """
-    drawn = {name: _aligned(result, poses) for name, poses in result.trajectories().items()}
+    drawn = {name: poses[:, :2, 3] for name, poses in result.aligned().items()}
     extent = np.ptp(np.concatenate(list(drawn.values())), axis=0)
     shape = float(np.clip(extent[1] / max(extent[0], 1e-9), 0.4, 1.4))
     width = 5.6 if len(drawn) > 1 else 6.4
@@ -38,14 +37,6 @@ def drive_figure(result: DriveResult) -> Figure:
         _draw(axes, name, positions, result, legend=axes is panels[-1])
     legend_below(figure, 3)
     return figure
-
-
-def _aligned(result: DriveResult, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Positions (n, 2) in the world of the truth, if there is one."""
-    if result.truth is not None:
-        known = result.truth.known
-        poses = aligning(poses[known], result.truth.poses[known]) @ poses
-    return poses[:, :2, 3]
 
 
 def _draw(

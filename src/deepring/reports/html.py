@@ -13,15 +13,31 @@ from deepring.text import printable, printable_lines
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 
+#: Pixels of a page to an inch of a figure, and pixels of its file to one of the page.
+_SCALE, _SHARPNESS = 110, 1.6
+
 _STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #262626; margin: 2rem auto; max-width: 70rem;
-  padding: 0 1rem; }
-h1, h2 { font-weight: 600; line-height: 1.2; } h2 { margin-top: 2.5rem; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th, td { padding: .25rem .75rem; text-align: right; border-bottom: 1px solid #d9d9d9; }
+:root { color-scheme: light dark; --paper: #fff; --ink: #262626; --soft: #595959; --line: #d9d9d9;
+  --block: #f6f6f6; }
+@media (prefers-color-scheme: dark) { :root { --paper: #17191d; --ink: #e6e6e6; --soft: #a9adb3;
+  --line: #3b3f46; --block: #23262c; } }
+body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper);
+  margin: 2rem auto; max-width: 70rem; padding: 0 1rem; }
+h1, h2 { font-weight: 600; line-height: 1.2; overflow-wrap: anywhere; } h2 { margin-top: 2.5rem; }
+p, li { overflow-wrap: anywhere; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; display: block;
+  max-width: 100%; overflow-x: auto; }
+th, td { padding: .25rem .75rem; text-align: right; border-bottom: 1px solid var(--line); }
+th { white-space: nowrap; vertical-align: bottom; }
 th:first-child, td:first-child { text-align: left; }
-figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; }
-figcaption { color: #595959; } pre { overflow-x: auto; background: #f6f6f6; padding: 1rem; }
+.long { max-height: 32rem; overflow: auto; }
+figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; background: #fff;
+  border-radius: .4rem; }
+.row { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(15rem, 100%), 1fr));
+  gap: 0 1.5rem; }
+.row figure { margin: .75rem 0; }
+figcaption { color: var(--soft); overflow-wrap: anywhere; }
+pre { overflow-x: auto; background: var(--block); padding: 1rem; }
 """.strip()
 
 
@@ -63,6 +79,21 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return f"<table>\n<tr>{cells}</tr>\n" + "\n".join(lines) + "\n</table>"
 
 
+def long_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table that is scrolled where it has many rows."""
+    return f'<div class="long">{table(head, rows)}</div>'
+
+
+def bullets(lines: Iterable[str]) -> str:
+    """A list of lines of plain text."""
+    return "<ul>\n" + "\n".join(f"<li>{_text(line)}</li>" for line in lines) + "\n</ul>"
+
+
+def pictures_in_rows(pictures: Iterable[str]) -> str:
+    """Small pictures beside each other, as many as the window is wide."""
+    return '<div class="row">\n' + "\n".join(pictures) + "\n</div>"
+
+
 def preformatted(text: str) -> str:
     """A preformatted block."""
     return f"<pre>{html.escape(printable_lines(text))}</pre>"
@@ -70,15 +101,17 @@ def preformatted(text: str) -> str:
 
 def picture(source: Figure | Path, caption: str) -> str:
     """A figure or a PNG file, embedded in the page; the caption is also its alternative text."""
+    size = ""
     if isinstance(source, Path):
         data = source.read_bytes()
         if source.is_symlink() or not data.startswith(_PNG):
             raise FileError(f"{source}: no PNG file, expected a figure of the run; delete it")
     else:
-        data = png(source, dpi=110)
+        data = png(source, dpi=_SCALE * _SHARPNESS)
+        size = f' width="{source.get_figwidth() * _SCALE:.0f}"'
     words = _text(caption)
     base64_text = base64.b64encode(data).decode()
     return (
-        f'<figure><img src="data:image/png;base64,{base64_text}" alt="{words}">'
+        f'<figure><img src="data:image/png;base64,{base64_text}"{size} alt="{words}">'
         f"<figcaption>{words}</figcaption></figure>"
     )

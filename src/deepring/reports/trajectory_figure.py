@@ -7,6 +7,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from deepring.errors import DataError
+from deepring.reports.round_origin import axis_label, round_origin
 from deepring.reports.style import (
     DATABASE,
     HIT,
@@ -16,8 +17,6 @@ from deepring.reports.style import (
     new_figure,
     style_axes,
 )
-
-_FAR = 10_000.0  # metres; positions beyond it, such as UTM, are drawn relative to a round number
 
 
 def trajectory_figure(
@@ -48,13 +47,13 @@ def trajectory_figure(
             f"queries {queries.shape}, right {right.shape}, answerable {answerable.shape}: "
             "expected (q, 2), (q,) and (q,) with q >= 1"
         )
-    offset = _offset(np.concatenate([database, queries]))
+    offset = round_origin(np.concatenate([database, queries]))
     width, height = _size(np.ptp(np.concatenate([database, queries]), axis=0))
     figure = new_figure(width, height)
     axes = figure.add_subplot()
     _draw_places(axes, database - offset)
     _draw_queries(axes, queries - offset, right, answerable)
-    across, up = (_axis_label(*pair) for pair in zip(labels, offset, strict=True))
+    across, up = (axis_label(*pair) for pair in zip(labels, offset, strict=True))
     style_axes(axes, title, across, up)
     axes.set_aspect("equal", adjustable="datalim")
     axes.xaxis.set_major_locator(MaxNLocator(7))
@@ -94,18 +93,6 @@ def _positions(name: str, values: ArrayLike) -> NDArray[np.float64]:
             "finite; expected finite metres of shape (n, 2)"
         )
     return positions
-
-
-def _offset(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The kilometre below the smallest coordinate of each axis, if it lies far from the origin."""
-    lowest = positions.min(axis=0)
-    return np.where(np.abs(lowest) < _FAR, 0.0, np.floor(lowest / 1000) * 1000)
-
-
-def _axis_label(name: str, offset: float) -> str:
-    if not offset:
-        return f"{name} (m)"
-    return f"{name} {'−' if offset > 0 else '+'} {abs(offset):,.0f} (m)".replace(",", " ")
 
 
 def _size(extent: NDArray[np.float64]) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from deepring.localization.drives.trajectory_error import (
     AbsoluteError,
     RelativeError,
     absolute_error,
+    aligning,
     relative_error,
 )
 
@@ -69,6 +70,17 @@ class DriveResult:
         if self.optimized is not None:
             found["optimized"] = corrected(self.track, self.graph, self.optimized.poses)
         return found
+
+    def aligned(self) -> dict[str, Poses]:
+        """The `trajectories` in the world of the truth, or in their own without truth."""
+        if self.truth is None:
+            return self.trajectories()
+        known = self.truth.known
+        true = self.truth.poses[known]
+        return {
+            name: aligning(poses[known], true) @ poses
+            for name, poses in self.trajectories().items()
+        }
 
     def errors(self) -> dict[str, TrajectoryErrors]:
         """Errors of each trajectory at the scans whose truth is known; empty without truth."""

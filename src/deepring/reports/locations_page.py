@@ -1,0 +1,235 @@
+"""Scans located in a map as one HTML page: where they are, how they fit, and how far off."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from itertools import chain, zip_longest
+from typing import Any
+
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from deepring.data.packed_rasters import unpack
+from deepring.localization.calibration import (
+    LocalizationTrials,
+    Tolerance,
+    trials_of,
+)
+from deepring.localization.map import Map
+from deepring.reports.html import (
+    bullets,
+    heading,
+    long_table,
+    page,
+    paragraph,
+    picture,
+    pictures_in_rows,
+    table,
+)
+from deepring.reports.located_scan import LocatedScan, cells_in_place
+from deepring.reports.location_figures import alignment_figure, errors_figure
+from deepring.reports.places_figure import Marks, places_figure
+from deepring.reports.style import HIT, MISS, PALETTE
+
+#: Rows of the table, reasons of refusals, and alignments shown.
+_LISTED, _REASONS, _SHOWN = 1000, 50, 8
+
+#: What a doubt says, and its colour and marker.
+_DOUBTS = {
+    "fit": ("fits too little", PALETTE[4], "^"),
+    "ratio": ("fits elsewhere nearly as well", PALETTE[3], "s"),
+    "few cells": ("shows too little", PALETTE[0], "v"),
+}
+
+#: Trusted locations that lie further from the true poses than this, metres, in the middle, say that
+#: the poses are of another world than the map's.
+_ANOTHER_WORLD = 20.0
+
+
+def locations_page(
+    place_map: Map, scans: Sequence[LocatedScan], refused: Sequence[str] = ()
+) -> str:
+    """The page, which needs no network and no other file.
+
+    Args:
+        place_map: the map.
+        scans: those that were located.
+        refused: why the others were not.
+    """
+    truth = [scan for scan in scans if scan.pose is not None]
+    trials = trials_of(
+        place_map, [(one.location, one.pose) for one in truth if one.pose is not None]
+    )
+    right = dict(zip(map(id, truth), trials.correct(Tolerance()).tolist(), strict=True))
+    wrong = {id(scan) for scan in truth if scan.location.trusted and not right[id(scan)]}
+    parts = [table(("", ""), _summary(place_map, scans, refused, wrong if truth else None))]
+    if len(place_map):
+        parts.append(picture(_figure(place_map, scans, wrong), "Located scans from above"))
+    if refused:
+        parts += [heading("Refused"), bullets(refused[:_REASONS])]
+        if len(refused) > _REASONS:
+            parts.append(paragraph(f"And {len(refused) - _REASONS} more."))
+    if truth:
+        parts += _errors(trials, truth)
+    if scans:
+        parts += [heading("How scans lie on their places"), paragraph(_EXPLANATION)]
+        parts.append(pictures_in_rows(_alignments(place_map, scans, wrong)))
+        off = dict(
+            zip(map(id, truth), zip(trials.metres, trials.degrees, strict=True), strict=True)
+        )
+        parts += [heading("Scans"), _table(scans, off)]
+        if len(scans) > _LISTED:
+            rest = f"And {len(scans) - _LISTED} more; --as csv or --as json has all of them."
+            parts.append(paragraph(rest))
+    return page(f"Scans in the map {place_map.source}".strip(), parts)
+
+
+_EXPLANATION = (
+    "Grey: what the place shows from above, its sensor in the middle. Coloured: what the scan "
+    "shows, laid where it was located; green is trusted."
+)
+
+
+def _summary(
+    place_map: Map, scans: Sequence[LocatedScan], refused: Sequence[str], wrong: set[int] | None
+) -> Iterator[tuple[str, str]]:
+    trusted = sum(scan.location.trusted for scan in scans)
+    yield "places", str(len(place_map))
+    yield "scans", str(len(scans) + len(refused))
+    yield "trusted", str(trusted)
+    if wrong is not None:
+        yield "trusted wrongly", str(len(wrong))
+    doubts = Counter(scan.location.doubt for scan in scans if scan.location.doubt is not None)
+    for doubt, count in doubts.items():
+        yield f"doubtful: {doubt}", f"{count}, {_doubt(doubt)[0]}"
+    if refused:
+        yield "refused", str(len(refused))
+    thresholds = place_map.thresholds
+    yield "trust", f"fit {thresholds.fit:g}, ratio {thresholds.ratio:g}"
+
+
+def _doubt(doubt: str) -> tuple[str, str, str]:
+    return _DOUBTS.get(doubt, (doubt, PALETTE[6], "P"))
+
+
+def _figure(place_map: Map, scans: Sequence[LocatedScan], wrong: set[int]) -> Figure:
+    groups: dict[tuple[str, str, str], list[LocatedScan]] = {}
+    for scan in scans:
+        groups.setdefault(_kind(scan, wrong), []).append(scan)
+    marks = [
+        Marks(label, np.array([_found(scan) for scan in group]), colour, marker)
+        for (label, colour, marker), group in sorted(groups.items())
+    ]
+    errors = [
+        (_found(scan), scan.pose[:2, 3])
+        for scan in scans
+        if id(scan) in wrong and scan.pose is not None
+    ]
+    return places_figure(place_map.places.positions, (), marks, errors)
+
+
+def _kind(scan: LocatedScan, wrong: set[int]) -> tuple[str, str, str]:
+    """Label, colour and marker."""
+    if id(scan) in wrong:
+        return "trusted, but wrong", MISS, "x"
+    doubt = scan.location.doubt
+    if doubt is None:
+        return "trusted", HIT, "o"
+    _, colour, marker = _doubt(doubt)
+    return f"doubtful: {doubt}", colour, marker
+
+
+def _found(scan: LocatedScan) -> NDArray[np.float64]:
+    return np.array([scan.location.x, scan.location.y])
+
+
+def _errors(trials: LocalizationTrials, truth: Sequence[LocatedScan]) -> Iterator[str]:
+    """How far scans are off whose true poses are known."""
+    tolerance = Tolerance()
+    trusted = np.array([scan.location.trusted for scan in truth])
+    correct = trials.correct(tolerance)
+    near = trials.nearest <= tolerance.reach
+    yield heading("Errors beside the true poses")
+    if trusted.any() and np.median(trials.metres[trusted]) > _ANOTHER_WORLD:
+        yield paragraph(
+            "Mind: most trusted locations lie far from the drive's poses. These seem to be of "
+            "another world than the map's, and then the errors say nothing."
+        )
+    yield picture(errors_figure(trials, trusted), "Errors of the located positions")
+    right = f"within {tolerance.metres:g} m and {tolerance.degrees:g}°"
+    head = ("", "scans", right, "median", "95 %", "largest", "median turn")
+    kinds = (("all", trusted | True), ("trusted", trusted), ("doubtful", ~trusted))
+    yield table(
+        head,
+        (
+            (name, str(int(of.sum())), str(int(correct[of].sum())), *_spread(trials, of))
+            for name, of in kinds
+        ),
+    )
+    both, reachable = int((trusted & correct & near).sum()), int(near.sum())
+    yield paragraph(
+        f"{both} of the {reachable} scans within {tolerance.reach:g} m of a place are trusted and "
+        f"right; {int((trusted & ~correct).sum())} of {int(trusted.sum())} trusted ones are wrong."
+    )
+
+
+def _spread(trials: LocalizationTrials, of: NDArray[np.bool_]) -> tuple[str, ...]:
+    if not of.any():
+        return ("", "", "", "")
+    metres = trials.metres[of]
+    sizes = (np.median(metres), np.percentile(metres, 95), metres.max())
+    return (*(f"{size:.2f} m" for size in sizes), f"{np.median(trials.degrees[of]):.2f}°")
+
+
+def _alignments(place_map: Map, scans: Sequence[LocatedScan], wrong: set[int]) -> Iterator[str]:
+    """Pictures of some scans of every kind, wrong ones first."""
+    raster = place_map.raster
+    for scan in selection(scans, [_kind(scan, wrong) for scan in scans], _SHOWN):
+        found = scan.location
+        place = torch.tensor([found.place])
+        (image,) = place_map.places.images(place).numpy()
+        (pose,) = place_map.places.planar_poses(place).numpy()
+        seen = unpack(scan.image[None], raster)[0].astype(np.bool_)
+        cells = cells_in_place(seen, raster.extent, found, pose)
+        label, colour, _ = _kind(scan, wrong)
+        figure = alignment_figure(image, cells, raster.extent, colour)
+        yield picture(
+            figure,
+            f"{scan.name} on {found.name}: {label}, fit {found.fit:.2f}, ratio {found.ratio:.2f}",
+        )
+
+
+def selection(scans: Sequence[LocatedScan], kinds: Sequence[Any], most: int) -> list[LocatedScan]:
+    """At most so many scans, of each kind as many as of another, spread over the scans."""
+    groups: dict[Any, list[LocatedScan]] = {}
+    for scan, kind in zip(scans, kinds, strict=True):
+        groups.setdefault(kind, []).append(scan)
+    spread = []
+    for _, group in sorted(groups.items(), reverse=True):
+        rows = np.unique(np.linspace(0, len(group) - 1, min(most, len(group))).round().astype(int))
+        spread.append([group[row] for row in rows])
+    turns = zip_longest(*spread)
+    return [scan for scan in chain.from_iterable(turns) if scan is not None][:most]
+
+
+def _table(scans: Sequence[LocatedScan], off: dict[int, tuple[float, float]]) -> str:
+    head = ["scan", "x m", "y m", "yaw °", "fit", "ratio", "trusted"]
+    head += ["off m", "off °"] if off else []
+    head.append("found by")
+
+    def cells(scan: LocatedScan) -> Iterator[str]:
+        found = scan.location
+        yield scan.name
+        yield f"{found.x:.2f}"
+        yield f"{found.y:.2f}"
+        yield f"{math.degrees(found.yaw):.1f}"
+        yield f"{found.fit:.2f}"
+        yield f"{found.ratio:.2f}"
+        yield "yes" if found.doubt is None else f"no: {found.doubt}"
+        if off:
+            yield from (f"{value:.2f}" for value in off.get(id(scan), ()))
+        yield found.name
+
+    return long_table(head, (list(cells(scan)) for scan in scans[:_LISTED]))

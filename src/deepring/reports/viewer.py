@@ -1,0 +1,102 @@
+"""Scenes in the viewer of rerun, or in a file that it opens (https://rerun.io)."""
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deepring.errors import ConfigError
+from deepring.io.files import replacing
+from deepring.reports.scene import Points, Scene
+from deepring.text import printable
+
+#: The steps of a scene, as the viewer names them.
+TIMELINE = "scan"
+
+
+def rerun() -> Any:
+    """The library. Raises ConfigError if it is not installed."""
+    try:
+        import rerun as library
+    except ImportError as error:
+        raise ConfigError(
+            "view: rerun is not installed, expected it; run pip install 'deepring[view]'"
+        ) from error
+    return library
+
+
+def expect_display() -> None:
+    """Raise ConfigError where no window can be opened."""
+    if sys.platform == "linux" and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        raise ConfigError(
+            "view: there is no display for the viewer's window, expected one; write a file with "
+            "`view_file`, and open it with rerun elsewhere"
+        )
+
+
+def view(scene: Scene) -> None:
+    """Open the viewer, which stays open, and show the scene.
+
+    Raises ConfigError if rerun is not installed or its viewer does not start.
+    """
+    library = rerun()
+    stream = library.RecordingStream(_application(scene))
+    try:
+        stream.spawn()
+    except Exception as error:  # of whatever kind: the viewer is another program
+        raise ConfigError(
+            "view: the viewer did not start, expected rerun's own program in the PATH; run "
+            "pip install 'deepring[view]' again, or write a file with `view_file`"
+        ) from error
+    _log(library, stream, scene)
+    stream.flush()
+
+
+def save_view(scene: Scene, path: Path) -> None:
+    """Write the scene as a file for the viewer, whole or not at all.
+
+    Raises ConfigError if rerun is not installed, and FileError if the file cannot be written.
+    """
+    library = rerun()
+    with replacing(path) as temporary:
+        stream = library.RecordingStream(_application(scene))
+        temporary.touch()  # whether the disk takes it is said by the system, not by the library
+        stream.save(temporary)
+        _log(library, stream, scene)
+        stream.flush()
+        stream.disconnect()
+
+
+def _application(scene: Scene) -> str:
+    return f"deepring: {printable(scene.name)}"
+
+
+def _log(library: Any, stream: Any, scene: Scene) -> None:
+    for shape in scene.shapes:
+        if isinstance(shape, Points):
+            value = library.Points3D(
+                _near(shape.positions, scene),
+                colors=shape.colour,
+                radii=shape.radius,
+                labels=[printable(label) for label in shape.labels] or None,
+                show_labels=len(shape.labels) == 1,
+            )
+            if shape.step is not None:
+                stream.set_time(TIMELINE, sequence=shape.step)
+            stream.log(shape.path, value, static=shape.step is None)
+        else:
+            strips = [_near(strip, scene) for strip in shape.strips]
+            value = library.LineStrips3D(strips, colors=shape.colour, radii=shape.radius)
+            stream.log(shape.path, value, static=True)
+    if scene.origin.any():
+        x, y, z = scene.origin
+        text = f"Coordinates are relative to x {x:.0f}, y {y:.0f}, z {z:.0f} (m)."
+        stream.log("origin", library.TextDocument(text), static=True)
+
+
+def _near(positions: Any, scene: Scene) -> Any:
+    return (positions - scene.origin).astype(np.float32)
