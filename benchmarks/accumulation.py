@@ -65,7 +65,7 @@ def simulated(seed: int, worlds: int, network) -> None:
         place_map = Map(network, ground_under(scene.sensor))
         for (points,), pose in drive(scene, 0, 10.0, 1):
             place_map.add([points], pose[None], ["place"])
-        for scans, pose in drive(scene, 1, 100.0, max(COUNTS)):
+        for scans, pose in drive(scene, 1, 160.0, max(COUNTS)):
             away = np.linalg.norm(place_map.places.positions - pose[:2, 3], axis=1)
             if away.min() <= 10:
                 judge(scans, pose, FRONT[layout], place_map, rows)

@@ -29,9 +29,9 @@ from deepring.data.readers import ground_of, list_sessions, open_session
 from deepring.data.scans.returns import is_return
 from deepring.data.session import Session
 from deepring.data.spacing import revisits, sample_by_distance
-from deepring.localization.cloud_map import map_of_cloud
+from deepring.localization.clouds.cloud_map import map_of_cloud
+from deepring.localization.clouds.virtual_scan import VirtualSensor
 from deepring.localization.map import Map
-from deepring.localization.virtual_scan import VirtualSensor
 from deepring.methods.network_file import load_network
 
 #: Format, and height and field of view of the sensor, of each kind of dataset.

@@ -13,11 +13,10 @@ from scenes import moved, outline
 from timing import Row, timed
 
 from deepring.core.rigid import pose_from
-from deepring.localization import image_correlation
 from deepring.localization import map as maps
-from deepring.localization.alignment import Alignment, align
+from deepring.localization.alignment import Alignment, align, image_correlation
+from deepring.localization.alignment.image_correlation import half_whitened, occupied_cells
 from deepring.localization.candidates import RerankSettings, align_candidates, spread_out
-from deepring.localization.image_correlation import half_whitened, occupied_cells
 from deepring.localization.map import SURPLUS, Map
 from deepring.localization.observation import Observation, described
 from deepring.methods.network_file import load_network

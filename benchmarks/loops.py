@@ -28,8 +28,8 @@ from deepring.localization.calibration import (
     concatenate,
     evaluate_thresholds,
 )
+from deepring.localization.drives.loops import LOOP_THRESHOLDS, LoopGraph, LoopSettings, find_loops
 from deepring.localization.location import AcceptanceThresholds
-from deepring.localization.loops import LOOP_THRESHOLDS, LoopGraph, LoopSettings, find_loops
 from deepring.localization.map import Map
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import load_network

@@ -23,7 +23,7 @@ from peer_table import Share
 from deepring.data.readers import ground_of, list_sessions, open_session
 from deepring.data.session import Session
 from deepring.data.spacing import path_lengths
-from deepring.localization.loops import LOOP_THRESHOLDS, LoopGraph, LoopSettings, find_loops
+from deepring.localization.drives.loops import LOOP_THRESHOLDS, LoopGraph, LoopSettings, find_loops
 from deepring.localization.map import Map
 from deepring.methods.deepring import DeepRing
 

@@ -27,7 +27,7 @@ from deepring.core.rigid import (
 )
 from deepring.data.readers import ground_of, list_sessions, open_session
 from deepring.localization.candidates import RerankSettings, align_candidates
-from deepring.localization.refinement import refine, start_of
+from deepring.localization.registration.refinement import refine, start_of
 from deepring.methods.deepring import DeepRing
 from deepring.rasters import BevRaster
 

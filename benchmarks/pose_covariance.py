@@ -36,8 +36,8 @@ from scipy.stats import chi2
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.readers import list_sessions, open_session
 from deepring.data.session import Session
-from deepring.localization.pose_covariance import in_sensor_frame
-from deepring.localization.refinement import (
+from deepring.localization.registration.pose_covariance import in_sensor_frame
+from deepring.localization.registration.refinement import (
     RefinementSettings,
     Registration,
     register,

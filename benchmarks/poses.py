@@ -22,9 +22,9 @@ from deepring.core.rigid import yaw_after_turn, yaw_of
 from deepring.data.readers import ground_of, list_sessions, open_session, reader_names
 from deepring.data.session import Session
 from deepring.localization.alignment import Alignment, align
-from deepring.localization.alignment_settings import AlignmentSettings
-from deepring.localization.image_correlation import half_whitened, occupied_cells
-from deepring.localization.refinement import refine
+from deepring.localization.alignment.image_correlation import half_whitened, occupied_cells
+from deepring.localization.alignment.settings import AlignmentSettings
+from deepring.localization.registration.refinement import refine
 from deepring.rasters import BevRaster
 
 BINS = ((0, 10), (10, 20), (20, 35))

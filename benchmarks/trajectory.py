@@ -24,13 +24,13 @@ from deepring.cli.process import tune_process
 from deepring.core.rigid import pose_from
 from deepring.data.readers import ground_of, list_sessions, open_session
 from deepring.data.recording import recorded_session
-from deepring.localization.drive_result import DriveResult, Truth
-from deepring.localization.loop_graph import track_of
-from deepring.localization.loops import LOOP_THRESHOLDS, LoopSettings, find_loops
+from deepring.localization.drives.drive_result import DriveResult, Truth
+from deepring.localization.drives.loop_graph import track_of
+from deepring.localization.drives.loops import LOOP_THRESHOLDS, LoopSettings, find_loops
+from deepring.localization.drives.odometry_loops import find_loops_by_odometry
+from deepring.localization.drives.pose_graph import optimize
 from deepring.localization.map import Map
-from deepring.localization.odometry_loops import find_loops_by_odometry
-from deepring.localization.pose_graph import optimize
-from deepring.localization.refinement import RefinementSettings
+from deepring.localization.registration.refinement import RefinementSettings
 from deepring.methods.network_file import load_network
 
 SCALE, TURN, NOISE, WOBBLE = 0.01, np.radians(0.01), 0.02, np.radians(0.05)

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from deepring.errors import DeepringError as DeepringError
     from deepring.errors import FileError as FileError
     from deepring.evaluation.protocol import evaluate_method as evaluate_method
-    from deepring.localization.loops import LoopSettings as LoopSettings
-    from deepring.localization.loops import find_loops as find_loops
+    from deepring.localization.drives.loops import LoopSettings as LoopSettings
+    from deepring.localization.drives.loops import find_loops as find_loops
     from deepring.localization.map import Map as Map
     from deepring.methods.deepring import DeepRing as DeepRing
     from deepring.methods.network_file import load_network as load_network
@@ -43,7 +43,7 @@ _MODULES = {
     "DeepRing": "deepring.methods.deepring",
     "DeepringError": "deepring.errors",
     "FileError": "deepring.errors",
-    "LoopSettings": "deepring.localization.loops",
+    "LoopSettings": "deepring.localization.drives.loops",
     "Map": "deepring.localization.map",
     "Preprocessing": "deepring.rasters",
     "Ring": "deepring.methods.ring",
@@ -54,7 +54,7 @@ _MODULES = {
     "check_method": "deepring.testing",
     "circular_cross_correlation": "deepring.core.correlation",
     "evaluate_method": "deepring.evaluation.protocol",
-    "find_loops": "deepring.localization.loops",
+    "find_loops": "deepring.localization.drives.loops",
     "load_network": "deepring.methods.network_file",
     "open_session": "deepring.data.readers",
     "radon": "deepring.core.radon",

@@ -47,7 +47,7 @@ def bag(drive, tmp_path_factory):
 
 
 def write_tum(path, poses, stamps):
-    from deepring.localization.trajectory_files import tum_lines
+    from deepring.localization.drives.trajectory_files import tum_lines
 
     path.write_text("\n".join(tum_lines(poses, stamps)))
 

@@ -532,7 +532,10 @@ def test_consecutive_scans_are_joined(place_map, second, tmp_path, here, monkeyp
     """As files of a folder and as a bag; the last scan has company, the first one none."""
     step = np.float32([0.5, 0, 0])
     clouds = [scattered(0, n=9000) - k * step for k in range(3)]
-    half = [cloud[cloud[:, 1] * (-1) ** k > -2] for k, cloud in enumerate(clouds)]
+    # Half a circle, which turns by 14° from scan to scan.
+    half = [
+        cloud[cloud[:, :2] @ [np.cos(k / 4), np.sin(k / 4)] > 0] for k, cloud in enumerate(clouds)
+    ]
     (tmp_path / "scans").mkdir()
     for k, cloud in enumerate(half):
         np.save(tmp_path / "scans" / f"{k}.npy", cloud)

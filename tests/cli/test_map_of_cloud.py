@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from deepring.core.rigid import turn_points
+from deepring.localization.clouds.virtual_scan import VirtualSensor, virtual_scan
 from deepring.localization.map import Map
-from deepring.localization.virtual_scan import VirtualSensor, virtual_scan
 from helpers.cli import deepring, refused
 from helpers.clouds import in_tiles, pcd_bytes, street
 

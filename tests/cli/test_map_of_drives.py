@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from deepring.data.readers.nclt import open_nclt
+from deepring.localization.drives.trajectory_files import tum_lines
 from deepring.localization.map import Map
-from deepring.localization.trajectory_files import tum_lines
 from helpers.bags import START, message, write_bag
 from helpers.cli import deepring, refused
 

@@ -12,7 +12,7 @@ from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.poses.pose_tables import read_table, stamped_rows
 from deepring.data.readers import list_sessions, open_session
 from deepring.errors import DeepringError, FileError
-from deepring.localization.trajectory_files import tum_lines
+from deepring.localization.drives.trajectory_files import tum_lines
 
 STAMP = 1691936557946849179  # not representable as seconds in float64
 COUNT = 6

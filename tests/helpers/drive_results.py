@@ -3,9 +3,9 @@
 import numpy as np
 
 from deepring.core.rigid import pose_from
-from deepring.localization.drive_result import DriveResult, Truth
-from deepring.localization.loop_graph import Loop, LoopGraph, Track
-from deepring.localization.pose_graph import Optimized
+from deepring.localization.drives.drive_result import DriveResult, Truth
+from deepring.localization.drives.loop_graph import Loop, LoopGraph, Track
+from deepring.localization.drives.pose_graph import Optimized
 
 N = 30
 

@@ -22,7 +22,7 @@ MODULES = (
     "deepring.cli.train_commands",
     "deepring.experiment.sweep",
     "deepring.experiment.train",
-    "deepring.localization.loops",
+    "deepring.localization.drives.loops",
     "deepring.methods.deepring",
     "deepring.rasters._bev_kernels",
     "deepring.search._correlation_kernels",

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from deepring.errors import DeepringError
 from deepring.localization.alignment import align
-from deepring.localization.alignment_settings import AlignmentSettings
-from deepring.localization.image_correlation import (
+from deepring.localization.alignment.image_correlation import (
     correlations,
     half_whitened,
     occupied_cells,
     turned_images,
 )
+from deepring.localization.alignment.settings import AlignmentSettings
 from deepring.rasters.bev import bev_occupancy
 from helpers.scenes import scattered
 

@@ -9,13 +9,13 @@ import torch
 from deepring.errors import DeepringError
 from deepring.localization import candidates
 from deepring.localization.alignment import Alignment, align, world_positions
+from deepring.localization.alignment.image_correlation import half_whitened, occupied_cells
 from deepring.localization.candidates import (
     RerankSettings,
     align_candidates,
     by_pose,
     spread_out,
 )
-from deepring.localization.image_correlation import half_whitened, occupied_cells
 from deepring.localization.location import best_fit
 from deepring.rasters.bev import bev_occupancy
 from helpers.scenes import scattered

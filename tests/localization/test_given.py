@@ -19,8 +19,8 @@ from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError, ConfigError, DataError, DeepringError, FileError
 from deepring.localization.calibration import concatenate, run_trials
+from deepring.localization.drives.loops import LoopSettings, find_loops
 from deepring.localization.location import AcceptanceThresholds
-from deepring.localization.loops import LoopSettings, find_loops
 from deepring.localization.map import Map
 from deepring.localization.map_building import build_map
 from deepring.localization.observation import Observation

@@ -5,9 +5,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deepring.localization import image_correlation
-from deepring.localization.alignment_settings import AlignmentSettings
-from deepring.localization.image_correlation import (
+from deepring.localization.alignment import image_correlation
+from deepring.localization.alignment.image_correlation import (
     best_fits,
     half_whitened,
     occupied_cells,
@@ -15,6 +14,7 @@ from deepring.localization.image_correlation import (
     smaller_images,
     turned_images,
 )
+from deepring.localization.alignment.settings import AlignmentSettings
 
 
 def some_images(count, cells, seed=0):

@@ -15,15 +15,20 @@ from deepring.data.readers.nclt import open_nclt
 from deepring.data.session import Session
 from deepring.errors import DeepringError
 from deepring.localization.candidates import RerankSettings
-from deepring.localization.drive_result import DriveResult, result_json
-from deepring.localization.graph_files import g2o_lines, loop_lines
-from deepring.localization.graph_noise import loop_covariance
+from deepring.localization.drives.drive_result import DriveResult, result_json
+from deepring.localization.drives.graph_files import g2o_lines, loop_lines
+from deepring.localization.drives.graph_noise import loop_covariance
+from deepring.localization.drives.loop_graph import Loop, LoopGraph, Track
+from deepring.localization.drives.loops import (
+    LOOP_THRESHOLDS,
+    LoopSettings,
+    _in_second_frame,
+    find_loops,
+)
+from deepring.localization.drives.trajectory_files import kitti_lines, tum_lines
 from deepring.localization.location import AcceptanceThresholds
-from deepring.localization.loop_graph import Loop, LoopGraph, Track
-from deepring.localization.loops import LOOP_THRESHOLDS, LoopSettings, _in_second_frame, find_loops
 from deepring.localization.map import Map
-from deepring.localization.refinement import RefinementSettings
-from deepring.localization.trajectory_files import kitti_lines, tum_lines
+from deepring.localization.registration.refinement import RefinementSettings
 from helpers.networks import small_network
 
 SETTINGS = LoopSettings(spacing=10.0, recent=40.0)

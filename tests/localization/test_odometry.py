@@ -8,8 +8,8 @@ import pytest
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.scans.point_times import TimedPoints
 from deepring.errors import BrokenScanError, ConfigError
-from deepring.localization.deskewing import deskewed, motion_over
-from deepring.localization.odometry import Odometry, OdometrySettings
+from deepring.localization.drives.deskewing import deskewed, motion_over
+from deepring.localization.drives.odometry import Odometry, OdometrySettings
 from helpers.recorded_drives import laps, seen_from, town
 
 SECOND = 10**9

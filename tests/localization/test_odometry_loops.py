@@ -5,13 +5,13 @@ import pytest
 
 from deepring.data.left_out import LeftOut
 from deepring.errors import DataError
+from deepring.localization.drives.loops import LoopSettings
+from deepring.localization.drives.odometry_loops import find_loops_by_odometry
+from deepring.localization.drives.pose_graph import optimize
+from deepring.localization.drives.trajectory_error import absolute_error
 from deepring.localization.location import AcceptanceThresholds
-from deepring.localization.loops import LoopSettings
 from deepring.localization.map import Map
-from deepring.localization.odometry_loops import find_loops_by_odometry
-from deepring.localization.pose_graph import optimize
-from deepring.localization.refinement import RefinementSettings
-from deepring.localization.trajectory_error import absolute_error
+from deepring.localization.registration.refinement import RefinementSettings
 from deepring.methods.network_file import load_network
 from helpers.recorded_drives import HEIGHT, START, laps, recording, town
 

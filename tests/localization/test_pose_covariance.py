@@ -8,12 +8,12 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from deepring.core.rigid import pose_from, rotation_from_rpy
-from deepring.localization.pose_covariance import (
+from deepring.localization.registration.pose_covariance import (
     direction_name,
     in_sensor_frame,
     turned,
 )
-from deepring.localization.refinement import RefinementSettings, refine
+from deepring.localization.registration.refinement import RefinementSettings, refine
 
 NOISE = 0.02
 

@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.errors import ConfigError
-from deepring.localization import pose_graph
-from deepring.localization.drive_result import DriveResult, Truth
-from deepring.localization.loop_graph import Loop, LoopGraph, Track
-from deepring.localization.pose_graph import PoseGraphSettings, corrected, optimize
-from deepring.localization.trajectory_error import absolute_error
+from deepring.localization.drives import pose_graph
+from deepring.localization.drives.drive_result import DriveResult, Truth
+from deepring.localization.drives.loop_graph import Loop, LoopGraph, Track
+from deepring.localization.drives.pose_graph import PoseGraphSettings, corrected, optimize
+from deepring.localization.drives.trajectory_error import absolute_error
 
 N = 240
 

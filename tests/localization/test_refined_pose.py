@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.errors import ConfigError, DataError
 from deepring.localization.map import Map
-from deepring.localization.refinement import RefinementSettings
+from deepring.localization.registration.refinement import RefinementSettings
 from helpers.networks import small_network
 
 NETWORK = small_network()

@@ -11,7 +11,7 @@ from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.readers.kitti import read_kitti_scan
 from deepring.errors import DeepringError
 from deepring.localization.candidates import RerankSettings, align_candidates
-from deepring.localization.refinement import RefinementSettings, refine, start_of
+from deepring.localization.registration.refinement import RefinementSettings, refine, start_of
 from deepring.rasters import BevRaster
 from helpers.real_data import real_data
 

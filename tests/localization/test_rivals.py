@@ -8,8 +8,8 @@ import torch
 
 from deepring.core.rigid import turn_points
 from deepring.localization.alignment import align
+from deepring.localization.alignment.image_correlation import half_whitened, occupied_cells
 from deepring.localization.candidates import RerankSettings
-from deepring.localization.image_correlation import half_whitened, occupied_cells
 from deepring.localization.rivals import fit_elsewhere
 from deepring.rasters.bev import bev_occupancy
 from helpers.scenes import scattered

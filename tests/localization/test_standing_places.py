@@ -6,8 +6,8 @@ import pytest
 from deepring.data.clouds.tiles import TiledCloud
 from deepring.data.poses.path_file import read_path
 from deepring.errors import DataError, FileError
-from deepring.localization.path_places import ground_beneath, path_places
-from deepring.localization.standing_places import ground_grid, standing_places
+from deepring.localization.clouds.path_places import ground_beneath, path_places
+from deepring.localization.clouds.standing_places import ground_grid, standing_places
 from helpers.clouds import ground, in_tiles, wall
 
 HEIGHT, APART = 1.73, 0.2

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.errors import DataError
-from deepring.localization.trajectory_error import absolute_error, aligning, relative_error
+from deepring.localization.drives.trajectory_error import absolute_error, aligning, relative_error
 
 
 def curve(n=200):

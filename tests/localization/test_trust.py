@@ -13,12 +13,12 @@ from deepring.data.readers.kitti import open_kitti
 from deepring.data.readers.nclt import open_nclt
 from deepring.data.scans.scan_files import read_scan
 from deepring.errors import ConfigError
+from deepring.localization.drives.loops import LOOP_THRESHOLDS
 from deepring.localization.location import (
     FEW_CELLS,
     FIT_TIMES_ROOT_OF_CELLS,
     AcceptanceThresholds,
 )
-from deepring.localization.loops import LOOP_THRESHOLDS
 from deepring.localization.map import Map
 from deepring.localization.observation import LEAST_CELLS
 from deepring.methods.network_file import load_network

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from deepring.errors import ConfigError
-from deepring.localization.virtual_scan import VirtualSensor, virtual_scan
+from deepring.localization.clouds.virtual_scan import VirtualSensor, virtual_scan
 from helpers.clouds import ground, in_tiles, street, wall
 
 SENSOR = VirtualSensor()

@@ -5,7 +5,7 @@ from pathlib import Path
 from deepring.data.scans.point_times import TimedPoints
 from deepring.data.session import Points
 from deepring.localization.accumulation import Accumulator
-from deepring.localization.odometry import kiss_icp
+from deepring.localization.drives.odometry import kiss_icp
 
 
 class JoinedScans:

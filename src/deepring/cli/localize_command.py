@@ -31,7 +31,7 @@ from deepring.data.session import Session
 from deepring.errors import ConfigError, DeepringError
 from deepring.localization.location import Location
 from deepring.localization.map import Map
-from deepring.localization.refinement import small_gicp
+from deepring.localization.registration.refinement import small_gicp
 from deepring.progress import progress_bar
 from deepring.text import printable
 

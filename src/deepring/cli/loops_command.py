@@ -15,17 +15,17 @@ from deepring.data.left_out import LeftOut
 from deepring.data.poses.trajectory import Trajectory
 from deepring.data.poses.tum import read_tum
 from deepring.io.files import cut_short, write_together
-from deepring.localization.drive_result import DriveResult, Truth, result_json, truth_at
-from deepring.localization.graph_files import g2o_lines, loop_lines
+from deepring.localization.drives.drive_result import DriveResult, Truth, result_json, truth_at
+from deepring.localization.drives.graph_files import g2o_lines, loop_lines
+from deepring.localization.drives.loop_graph import LoopGraph, Track, track_of
+from deepring.localization.drives.loops import LoopSettings, find_loops
+from deepring.localization.drives.odometry import kiss_icp
+from deepring.localization.drives.odometry_loops import find_loops_by_odometry
+from deepring.localization.drives.pose_graph import gtsam, optimize
+from deepring.localization.drives.trajectory_files import kitti_lines, tum_lines
 from deepring.localization.location import AcceptanceThresholds
-from deepring.localization.loop_graph import LoopGraph, Track, track_of
-from deepring.localization.loops import LoopSettings, find_loops
 from deepring.localization.map import Map
-from deepring.localization.odometry import kiss_icp
-from deepring.localization.odometry_loops import find_loops_by_odometry
-from deepring.localization.pose_graph import gtsam, optimize
-from deepring.localization.refinement import RefinementSettings, small_gicp
-from deepring.localization.trajectory_files import kitti_lines, tum_lines
+from deepring.localization.registration.refinement import RefinementSettings, small_gicp
 from deepring.progress import progress_bar
 from deepring.reports.drive_figure import drive_figure
 from deepring.reports.drive_page import drive_page, error_head, error_rows, summary_rows

@@ -23,10 +23,10 @@ from deepring.data.recording import Recording, has_scans, recorded_bag, recorded
 from deepring.data.scans.bag_files import is_bag
 from deepring.data.session import Session
 from deepring.errors import ConfigError, DataError
-from deepring.localization.cloud_map import map_of_cloud
+from deepring.localization.clouds.cloud_map import map_of_cloud
+from deepring.localization.clouds.virtual_scan import VirtualSensor
 from deepring.localization.map import Map
 from deepring.localization.map_building import SPACING, add_recording, add_session
-from deepring.localization.virtual_scan import VirtualSensor
 from deepring.progress import progress_bar
 from deepring.search.search_settings import SearchSettings
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from deepring import checks
 from deepring.data.scans.point_times import TimedPoints
 from deepring.data.session import Points
-from deepring.localization.odometry import Odometry, OdometrySettings
+from deepring.localization.drives.odometry import Odometry, OdometrySettings
 
 #: Share of a scan's points that must lie within `NEAR` metres of the scans that it is joined with.
 #: Of pairs of scans of different places, registered all the same, it is 0.28 to 0.76 (KITTI, a

@@ -19,8 +19,8 @@ from deepring.localization.alignment import (
     align_coarsely,
     world_positions,
 )
-from deepring.localization.alignment_settings import AlignmentSettings
-from deepring.localization.image_correlation import half_whitened, occupied_cells
+from deepring.localization.alignment.image_correlation import half_whitened, occupied_cells
+from deepring.localization.alignment.settings import AlignmentSettings
 
 #: Candidates that are aligned at the full resolution: the best at half of it, and the best of those
 #: that contradict the very best. On four simulated drives (campuses and cities 110 and 111) they

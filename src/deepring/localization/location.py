@@ -26,12 +26,12 @@ images show too little to tell such a fit from chance."""
 
 #: Two images fit each other by chance the better the fewer cells they have: in proportion to one
 #: over the root. The fit that is asked is at least this over the root of the cells. Chosen on
-#: worlds 200 to 203, see docs/poses.md: with 3.5 more scans from nowhere are trusted (13 of 11 381
-#: for 5), with 4.5 less scans that are in the map (1 in 100).
+#: worlds 200 to 203, see docs/poses.md: with 3.5 more scans from nowhere are trusted (5 of 11 381
+#: in place of 2), with 4.5 none, but 1 in 100 less of those that are in the map.
 FIT_TIMES_ROOT_OF_CELLS = 4.0
 
 #: Occupied cells that both images need. Fewer, in one heap, fit any other heap: of unrelated pairs
-#: with 80 cells each 22 % fit at 0.32 or better (`benchmarks/unrelated.py --cells 80`). The scans
+#: with 80 cells each 1 % fit at 0.47 or better (`benchmarks/unrelated.py --cells 80`). The scans
 #: of simulated worlds have 131 cells or more, real ones of seven sensors 173 or more.
 FEW_CELLS = 100
 

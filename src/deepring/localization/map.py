@@ -21,7 +21,7 @@ from deepring.localization.observation import Observation, described, observed, 
 from deepring.localization.place_points import PlacePoints, thinned_points
 from deepring.localization.place_store import PlaceStore
 from deepring.localization.refined_pose import RefinedPose, refined_pose
-from deepring.localization.refinement import RefinementSettings
+from deepring.localization.registration.refinement import RefinementSettings
 from deepring.localization.rivals import fit_elsewhere
 from deepring.localization.scan_points import scan_points
 from deepring.methods.deepring import DeepRing

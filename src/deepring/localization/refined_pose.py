@@ -11,8 +11,8 @@ from deepring import checks
 from deepring.core.rigid import FloatArray, pose_from, rotation_from_rpy
 from deepring.errors import DataError
 from deepring.localization.location import Location
-from deepring.localization.pose_covariance import direction_name, turned
-from deepring.localization.refinement import RefinementSettings, register, settled
+from deepring.localization.registration.pose_covariance import direction_name, turned
+from deepring.localization.registration.refinement import RefinementSettings, register, settled
 from deepring.localization.scan_points import scan_points
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class RefinedPose:
     """(4, 4) world <- scan, metres."""
     covariance: FloatArray
     """(6, 6) of x, y, z, roll, pitch, yaw along the world's axes, metres and radians; see
-    `deepring.localization.pose_covariance`."""
+    `deepring.localization.registration.pose_covariance`."""
     unobservable: FloatArray
     """(k, 6) unit directions along the world's axes, rotations times 10 m, that no surface
     holds: their standard deviation exceeds 0.5 m."""

@@ -9,13 +9,13 @@ import math
 import torch
 from torch import Tensor
 
-from deepring.localization.candidates import RerankSettings
-from deepring.localization.image_correlation import (
+from deepring.localization.alignment.image_correlation import (
     correlations,
     half_whitened,
     occupied_cells,
     turned_images,
 )
+from deepring.localization.candidates import RerankSettings
 
 
 def fit_elsewhere(

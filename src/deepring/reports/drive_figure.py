@@ -6,7 +6,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from deepring.localization.drive_result import DriveResult
+from deepring.localization.drives.drive_result import DriveResult
 from deepring.reports.style import (
     DATABASE,
     HIT,

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deepring.localization.drive_result import DriveResult, TrajectoryErrors
+from deepring.localization.drives.drive_result import DriveResult, TrajectoryErrors
 from deepring.reports.drive_figure import drive_figure
 from deepring.reports.html import (
     heading,

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from deepring.localization.drive_result import DriveResult
-from deepring.localization.loop_graph import Loop
+from deepring.localization.drives.drive_result import DriveResult
+from deepring.localization.drives.loop_graph import Loop
 from deepring.reports.round_origin import round_origin
 from deepring.reports.scene import BLUE, GREEN, GREY, PURPLE, RED, Lines, Points, Scene
 

@@ -22,7 +22,7 @@ from deepring.evaluation.descriptors import (
 )
 from deepring.evaluation.fingerprint import fingerprint
 from deepring.evaluation.scoring import find_pairs, score_pair
-from deepring.localization.alignment_settings import AlignmentSettings
+from deepring.localization.alignment.settings import AlignmentSettings
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.map import Map
 from deepring.methods.scan_context import ScanContext

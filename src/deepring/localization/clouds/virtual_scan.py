@@ -66,7 +66,7 @@ def virtual_scan(
         size: of a point, metres: the gaps of the cloud that are no gaps of a surface.
         sensor: its field of view.
     """
-    from deepring.localization import _visibility_kernels as kernels
+    from deepring.localization.clouds import _visibility_kernels as kernels
 
     position = np.asarray(position, dtype=np.float64)
     depth = np.full(sensor.shape, np.inf)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from deepring.data.poses.trajectory import Trajectory
 from deepring.errors import DataError
-from deepring.localization.loop_graph import Loop, LoopGraph, Track
-from deepring.localization.pose_graph import Optimized, corrected
-from deepring.localization.trajectory_error import (
+from deepring.localization.drives.loop_graph import Loop, LoopGraph, Track
+from deepring.localization.drives.pose_graph import Optimized, corrected
+from deepring.localization.drives.trajectory_error import (
     LENGTHS,
     AbsoluteError,
     RelativeError,

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from deepring.errors import DataError
-from deepring.localization.alignment_settings import AlignmentSettings
+from deepring.localization.alignment.settings import AlignmentSettings
 
 #: Numbers of the transforms that are held at a time, half a megabyte: they stay in the processor's
 #: cache, and the system hands out no new memory for each query.
@@ -41,7 +41,7 @@ def turned_images(cells: Tensor, turns: Tensor, settings: AlignmentSettings) -> 
         y = cosine[..., None] * cells[:, 1] - sine[..., None] * cells[:, 0]
         x, y = ((v + settings.extent) / settings.cell - 0.5 for v in (x, y))
         return _drawn(x.flatten(0, -2), y.flatten(0, -2), n).view(*turns.shape, n, n)
-    from deepring.localization import _alignment_kernels as _kernels
+    from deepring.localization.alignment import _alignment_kernels as _kernels
 
     images = torch.zeros(turns.numel(), n, n)
     arrays = (v.float().flatten().numpy() for v in (cosine, sine))
@@ -58,7 +58,7 @@ def smaller_images(images: Tensor, settings: AlignmentSettings) -> Tensor:
         return torch.stack(
             [_drawn(x[k == q][None], y[k == q][None], c)[0] for q in range(len(images))]
         )
-    from deepring.localization import _alignment_kernels as _kernels
+    from deepring.localization.alignment import _alignment_kernels as _kernels
 
     smaller = torch.zeros(len(images), c, c)
     _kernels.draw_smaller(images.to(torch.uint8).numpy(), smaller.numpy())
@@ -79,7 +79,7 @@ def half_whitened(images: Tensor, settings: AlignmentSettings) -> Tensor:
         torch.fft.rfft2(images[part].float(), s=(side, side), out=spectra[part])
     transfer = _gaussian(settings).to(spectra.device)
     if _compiled(spectra):
-        from deepring.localization import _alignment_kernels as _kernels
+        from deepring.localization.alignment import _alignment_kernels as _kernels
 
         arrays = (transfer.flatten().numpy(), _times(side).numpy())
         _kernels.half_whiten(spectra.flatten(1).numpy(), *arrays)
@@ -126,7 +126,7 @@ def correlations(
     """
     side = settings.padded
     if _compiled(spectra):
-        from deepring.localization import _alignment_kernels as _kernels
+        from deepring.localization.alignment import _alignment_kernels as _kernels
 
         products = spectra.new_empty(len(pairs), side, side // 2 + 1)
         arrays = (v.flatten(1).numpy() for v in (spectra, queries, pairs, products))
@@ -143,7 +143,7 @@ def peaks(curves: Tensor, settings: AlignmentSettings) -> tuple[Tensor, Tensor]:
     """
     if not _compiled(curves):
         return _plain_peaks(curves, settings.shifts)
-    from deepring.localization import _alignment_kernels as _kernels
+    from deepring.localization.alignment import _alignment_kernels as _kernels
 
     height, shift = torch.empty(len(curves)), torch.empty(len(curves), 2)
     _kernels.peaks(curves.numpy(), settings.shifts, height.numpy(), shift.numpy())

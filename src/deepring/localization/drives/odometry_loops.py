@@ -9,10 +9,10 @@ from deepring import checks
 from deepring.data.left_out import LeftOut
 from deepring.data.recording import RecordedScan, Recording, readable_scans
 from deepring.errors import BrokenScanError, DataError
-from deepring.localization.loop_graph import LoopGraph, Track
-from deepring.localization.loops import LoopFinder, LoopSettings
+from deepring.localization.drives.loop_graph import LoopGraph, Track
+from deepring.localization.drives.loops import LoopFinder, LoopSettings
+from deepring.localization.drives.odometry import Odometry, OdometrySettings, OdometryStep
 from deepring.localization.map import Map
-from deepring.localization.odometry import Odometry, OdometrySettings, OdometryStep
 from deepring.progress import Progress
 
 #: Largest share of the scans at which the odometry may be lost, and a number that always may.

@@ -11,12 +11,12 @@ from deepring.core.rigid import pose_from, rotation_from_rpy, wrap_angle, yaw_af
 from deepring.data.left_out import LeftOut, usable_scans
 from deepring.data.session import Points, Session
 from deepring.errors import DataError
+from deepring.localization.drives.loop_graph import Loop, LoopGraph
 from deepring.localization.location import AcceptanceThresholds, Location
-from deepring.localization.loop_graph import Loop, LoopGraph
 from deepring.localization.map import Map
 from deepring.localization.observation import Observation, described, occupancy
 from deepring.localization.place_points import PlacePoints, thinned_points
-from deepring.localization.refinement import RefinementSettings, refine, small_gicp
+from deepring.localization.registration.refinement import RefinementSettings, refine, small_gicp
 from deepring.progress import Progress
 
 #: When to trust a loop. A wrong loop costs a back end more than a missed one, and keyframes 2 m

@@ -11,13 +11,13 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from deepring.localization.alignment_settings import AlignmentSettings
-from deepring.localization.image_correlation import (
+from deepring.localization.alignment.image_correlation import (
     best_fits,
     half_whitened,
     smaller_images,
     vertex,
 )
+from deepring.localization.alignment.settings import AlignmentSettings
 
 
 class Alignment(NamedTuple):

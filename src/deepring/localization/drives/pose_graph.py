@@ -10,8 +10,8 @@ from deepring import checks
 from deepring.data.poses.trajectory import between
 from deepring.data.spacing import path_lengths
 from deepring.errors import ConfigError
-from deepring.localization.graph_noise import loop_covariance, odometry_covariances
-from deepring.localization.loop_graph import LoopGraph, Track
+from deepring.localization.drives.graph_noise import loop_covariance, odometry_covariances
+from deepring.localization.drives.loop_graph import LoopGraph, Track
 
 Poses = NDArray[np.float64]
 

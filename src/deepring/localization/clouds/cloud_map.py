@@ -14,11 +14,11 @@ from deepring.data.clouds.plausibility import expect_plausible
 from deepring.data.clouds.tiles import TiledCloud
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError, DataError
+from deepring.localization.clouds.path_places import path_places
+from deepring.localization.clouds.standing_places import standing_places
+from deepring.localization.clouds.virtual_scan import VirtualSensor, virtual_scan
 from deepring.localization.map import Map
 from deepring.localization.observation import described, occupancy
-from deepring.localization.path_places import path_places
-from deepring.localization.standing_places import standing_places
-from deepring.localization.virtual_scan import VirtualSensor, virtual_scan
 from deepring.methods.deepring import DeepRing
 from deepring.progress import Progress, progress_bar
 

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.localization.graph_noise import loop_covariance, odometry_covariances
-from deepring.localization.loop_graph import Loop, LoopGraph
+from deepring.localization.drives.graph_noise import loop_covariance, odometry_covariances
+from deepring.localization.drives.loop_graph import Loop, LoopGraph
 
 
 def g2o_lines(graph: LoopGraph, loops: Sequence[Loop] | None = None) -> Iterator[str]:

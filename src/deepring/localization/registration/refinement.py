@@ -11,14 +11,14 @@ from deepring import checks
 from deepring.core.arrays import real_array
 from deepring.core.rigid import FloatArray, pose_from, rotation_from_rpy, yaw_after_turn, yaw_of
 from deepring.errors import ConfigError, DataError
-from deepring.localization.pose_covariance import pose_uncertainty
-from deepring.localization.scan_points import scan_points
-from deepring.localization.surfaces import (
+from deepring.localization.registration.pose_covariance import pose_uncertainty
+from deepring.localization.registration.surfaces import (
     Surfaces,
     brought_together,
     matched_surfaces,
     no_surfaces,
 )
+from deepring.localization.scan_points import scan_points
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class Refinement(NamedTuple):
     """GICP's squared error per inlier, without a unit; infinite where there are none."""
     covariance: FloatArray
     """(6, 6) of x, y, z, roll, pitch, yaw along the axes of the map scan, metres and radians; see
-    `deepring.localization.pose_covariance`. Unless ``converged``, as large as the range that the
-    registration may move in."""
+    `deepring.localization.registration.pose_covariance`. Unless ``converged``, as large as the
+    range that the registration may move in."""
     unobservable: FloatArray
     """(k, 6) directions that no surface holds, as in `PoseUncertainty`."""
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.core.rigid import FloatArray
-from deepring.localization.surfaces import Surfaces, lever_rows
+from deepring.localization.registration.surfaces import Surfaces, lever_rows
 
 #: Side of the cells whose matches count as one, metres.
 CELL = 4.0

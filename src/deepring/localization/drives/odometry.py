@@ -14,7 +14,7 @@ from deepring.data.poses.stamps import NANOSECONDS
 from deepring.data.scans.point_times import TimedPoints
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError, ConfigError
-from deepring.localization.deskewing import deskewed, motion_over
+from deepring.localization.drives.deskewing import deskewed, motion_over
 
 #: Points that a scan needs in range. Real sensors give thousands.
 FEWEST_POINTS = 100

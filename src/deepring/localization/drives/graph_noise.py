@@ -7,7 +7,7 @@ metres, then the rotation vector in radians.
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.localization.loop_graph import Loop, LoopGraph
+from deepring.localization.drives.loop_graph import Loop, LoopGraph
 
 #: Standard deviations of an odometry edge of one metre, metres and degrees; the variances grow with
 #: the length, as of independent steps. See `benchmarks/trajectory.py --steps`.

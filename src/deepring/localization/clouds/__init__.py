@@ -1,0 +1,1 @@
+"""Maps out of point clouds: virtual scans of places along a path or where the ground was seen."""

@@ -1,0 +1,1 @@
+"""From the scans of a drive to its trajectory: odometry, loops, pose graph, errors, files."""
