@@ -18,6 +18,7 @@ def test_the_figure_shows_both_trajectories_and_breaks_no_line_across_a_break():
     assert lengths[:3] == [N, 15, N - 15]  # the truth, and the two parts
     assert png(figure).startswith(b"\x89PNG")
     assert len(drive_figure(result(optimized=False, truth=False)).axes) == 1
+    assert panels[0].get_xlabel() == "x (m)"
     [panel] = drive_figure(result(), "optimized").axes
     assert panel.get_title(loc="left") == "optimised"
 

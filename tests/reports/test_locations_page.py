@@ -1,6 +1,7 @@
 """The page of located scans, and how a scan is laid over its place."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,6 +55,16 @@ def test_the_page_counts_trust_doubts_refusals_and_errors(place_map):
     assert "another world" not in page
 
 
+def test_refined_poses_have_errors_of_their_own(place_map):
+    scan = located(place_map, "s", location(x=1.0), (1.0, 0.6, 3.1))
+    refined = replace(scan, refined=pose(1.0, 0.5, -3.1, z=4.0))
+    page = locations_page("a.map", place_map, [scan, refined])
+    cells = ("refined", 1, 1, *["0.10 m"] * 3, "4.77°")  # across the half turn
+    assert "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>" in page
+    doubtful = located(place_map, "d", location(doubt="few cells"))
+    assert "<td>cannot tell: few cells</td>" in locations_page("a.map", place_map, [doubtful])
+
+
 def test_poses_of_another_world_are_doubted(place_map):
     scans = [located(place_map, "a", location(), (900.0, 50.0, 1.0))]
     assert "another world than the map" in locations_page("a.map", place_map, scans)
@@ -94,9 +105,9 @@ def test_a_scan_lies_on_what_its_place_shows(place_map):
 def test_a_located_pose_stands_on_the_ground_of_its_place(place_map):
     scan = located(place_map, "s", location(1, 10.0, 1.0, 2.5))
     np.testing.assert_allclose(located_pose(scan, place_map), pose(10.0, 1.0, 2.5, z=10.0))
-    higher = type(scan)("s", scan.location, scan.image, None, None, GROUND_Z - 0.5)
+    higher = replace(scan, ground_z=GROUND_Z - 0.5)
     assert located_pose(higher, place_map)[2, 3] == pytest.approx(10.5)
-    refined = type(scan)("s", scan.location, scan.image, refined=pose(1, 2, 3, z=4))
+    refined = replace(scan, refined=pose(1, 2, 3, z=4))
     np.testing.assert_array_equal(located_pose(refined, place_map), pose(1, 2, 3, z=4))
 
 
