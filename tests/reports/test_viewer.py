@@ -30,6 +30,7 @@ class Stream:
 
     def __init__(self, application):
         self.application, self.logged, self.calls, self.time = application, {}, [], None
+        self.name = None
         Stream.made.append(self)
 
     def set_time(self, timeline, *, sequence):
@@ -38,18 +39,21 @@ class Stream:
     def log(self, path, value, *, static):
         self.logged[path] = (value, static, None if static else self.time)
 
-    def save(self, path):
-        self.calls.append("save")
-        path.write_bytes(b"written")
+    def send_recording_name(self, name):
+        self.name = name
+
+    def memory_recording(self):
+        self.calls.append("memory")
+        return SimpleNamespace(drain_as_bytes=lambda: b"written")
 
     def spawn(self):
         self.calls.append("spawn")
 
+    def is_enabled(self):
+        return True
+
     def flush(self):
         self.calls.append("flush")
-
-    def disconnect(self):
-        self.calls.append("disconnect")
 
 
 @pytest.fixture
@@ -61,7 +65,6 @@ def library(monkeypatch):
         RecordingStream=type("Fresh", (Stream,), {}),
         Points3D=shape("points"),
         LineStrips3D=shape("lines"),
-        TextDocument=lambda text: text,
     )
     monkeypatch.setattr(Stream, "made", [])
     monkeypatch.setitem(sys.modules, "rerun", fake)
@@ -71,9 +74,11 @@ def library(monkeypatch):
 def test_a_file_holds_every_shape_near_the_origin(library, tmp_path):
     save_view(SCENE, tmp_path / "a.rrd")
     assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]
-    (stream,) = Stream.made
-    assert stream.calls == ["save", "flush", "disconnect"]
-    assert stream.application == r"deepring: a scene\x1b"
+    stream = Stream.made[-1]
+    assert stream.calls == ["memory"]
+    assert (tmp_path / "a.rrd").read_bytes() == b"written"
+    assert stream.application == "deepring"
+    assert stream.name == r"a scene\x1b, relative to x 1000, y 0, z 0 m"
     (kind, strips, _), static, _ = stream.logged["path"]
     assert (kind, static) == ("lines", True)
     np.testing.assert_array_equal(strips[0], [[0.5, 0, 0], [1, 0, 0]])
@@ -83,14 +88,13 @@ def test_a_file_holds_every_shape_near_the_origin(library, tmp_path):
     np.testing.assert_array_equal(points, [[2, 3, 4]])
     assert rest["labels"] == [r"a\x1b"]
     assert stream.logged["map"][1]
-    assert "x 1000, y 0" in stream.logged["origin"][0]
 
 
 def test_the_viewer_is_opened_and_one_that_does_not_start_is_said(library, monkeypatch):
     view(SCENE)
-    (stream,) = Stream.made
+    stream = Stream.made[-1]
     assert stream.calls == ["spawn", "flush"]
-    assert len(stream.logged) == 4
+    assert len(stream.logged) == 3
 
     def broken(self):
         raise RuntimeError("no such program")
@@ -109,9 +113,17 @@ def test_a_file_is_whole_or_absent(library, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         save_view(SCENE, tmp_path / "a.rrd")
     assert not list(tmp_path.iterdir())
+    monkeypatch.undo()
+    monkeypatch.setitem(sys.modules, "rerun", library)
     (tmp_path / "file").touch()
     with pytest.raises(FileError, match=r"a\.rrd: cannot be written"):
         save_view(SCENE, tmp_path / "file" / "a.rrd")
+
+
+def test_a_library_that_is_switched_off_would_write_nothing(library):
+    library.RecordingStream.is_enabled = lambda _: False
+    with pytest.raises(ConfigError, match="switched off"):
+        rerun()
 
 
 def test_what_is_missing_is_said(monkeypatch):
@@ -133,5 +145,5 @@ def test_rerun_itself_writes_the_file(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]
     written = (tmp_path / "a.rrd").read_bytes()
     assert written.startswith(b"RRF2")
-    for path in (b"/path", b"/scan", b"/map", b"/origin"):
+    for path in (b"/path", b"/scan", b"/map"):
         assert path in written

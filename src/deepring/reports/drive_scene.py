@@ -5,7 +5,7 @@ import numpy as np
 from deepring.localization.drives.drive_result import DriveResult
 from deepring.localization.drives.loop_graph import Loop
 from deepring.reports.round_origin import round_origin
-from deepring.reports.scene import BLUE, GREEN, GREY, PURPLE, RED, Lines, Points, Scene
+from deepring.reports.scene import BLUE, GREEN, GREY, PURPLE, RED, Lines, Points, Scene, on_screen
 
 
 def drive_scene(result: DriveResult) -> Scene:
@@ -17,14 +17,14 @@ def drive_scene(result: DriveResult) -> Scene:
     drawn = {name: poses[:, :3, 3] for name, poses in result.aligned().items()}
     if result.truth is not None:
         true = result.truth.poses[result.truth.known][:, :3, 3]
-        shapes.append(Lines("true_poses", [true], GREY, 0.3))
+        shapes.append(Lines("true_poses", [true], GREY, on_screen(3.0)))
     kept = {id(loop) for loop in result.kept}
     for name, positions in drawn.items():
         parts = np.split(positions, result.graph.scans[list(result.graph.breaks)])
-        shapes.append(Lines(f"{name}/trajectory", parts, _COLOURS[name], 0.15))
+        shapes.append(Lines(f"{name}/trajectory", parts, _COLOURS[name], on_screen(1.5)))
         keyframes = positions[result.graph.scans]
         names = [result.track.names[row] for row in result.graph.scans]
-        shapes.append(Points(f"{name}/keyframes", keyframes, _COLOURS[name], 0.3, names))
+        shapes.append(Points(f"{name}/keyframes", keyframes, _COLOURS[name], on_screen(2.5), names))
 
         def joined(loop: Loop, at: np.ndarray = keyframes) -> np.ndarray:
             return at[[loop.earlier, loop.keyframe]]
@@ -32,7 +32,7 @@ def drive_scene(result: DriveResult) -> Scene:
         for accepted, colour, words in ((True, GREEN, "loops"), (False, RED, "loops_rejected")):
             strips = [joined(one) for one in result.graph.loops if (id(one) in kept) is accepted]
             if strips:
-                shapes.append(Lines(f"{name}/{words}", strips, colour, 0.08))
+                shapes.append(Lines(f"{name}/{words}", strips, colour, on_screen(1.0)))
     every = np.concatenate(list(drawn.values()))
     return Scene(f"drive {result.track.name}", shapes, round_origin(every))
 

@@ -89,7 +89,9 @@ def long_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def bullets(lines: Iterable[str]) -> str:
     """A list of lines of plain text."""
-    return "<ul>\n" + "\n".join(f"<li>{_text(line)}</li>" for line in lines) + "\n</ul>"
+    return (
+        '<ul class="long">\n' + "\n".join(f"<li>{_text(line)}</li>" for line in lines) + "\n</ul>"
+    )
 
 
 def pictures_in_rows(pictures: Iterable[str], *, wide: bool = False) -> str:

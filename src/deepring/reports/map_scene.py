@@ -11,7 +11,7 @@ from deepring.localization.map import Map
 from deepring.localization.place_points import STEP
 from deepring.reports.located_scan import LocatedScan, cell_centres, located_pose
 from deepring.reports.round_origin import round_origin
-from deepring.reports.scene import BLUE, GREEN, GREY, ORANGE, RED, Lines, Points, Scene
+from deepring.reports.scene import BLUE, GREEN, GREY, ORANGE, RED, Lines, Points, Scene, on_screen
 
 #: Side of the voxels of the map's points, metres: finer ones would be millions.
 _VOXEL = 0.5
@@ -24,7 +24,7 @@ def map_scene(place_map: Map, paths: Sequence[FloatArray] = ()) -> Scene:
     """The places, their points or what their images show, and the paths (n, 3) that were driven."""
     shapes = _map_shapes(place_map)
     if paths:
-        shapes.append(Lines("map/path", paths, BLUE, 0.15))
+        shapes.append(Lines("map/path", paths, BLUE, on_screen(1.0)))
     return Scene(f"map {place_map.source}".strip(), shapes, _origin(place_map))
 
 
@@ -36,7 +36,7 @@ def locations_scene(place_map: Map, scans: Sequence[LocatedScan]) -> Scene:
         colour = GREEN if scan.location.trusted else ORANGE
         at = pose[None, :3, 3]
         label = f"{scan.name}: {scan.location.doubt or 'trusted'}"
-        shapes.append(Points("scan/position", at, colour, 0.8, [label], step))
+        shapes.append(Points("scan/position", at, colour, on_screen(5.0), [label], step))
         if scan.points is not None:
             points = _moved(scan.points.astype(np.float64) * STEP, pose)
             shapes.append(Points("scan/points", points, colour, 0.08, (), step))
@@ -45,14 +45,14 @@ def locations_scene(place_map: Map, scans: Sequence[LocatedScan]) -> Scene:
             p[:3, 3] for p, s in zip(poses, scans, strict=True) if s.location.trusted == trusted
         ]
         if found:
-            shapes.append(Points(f"located/{name}", np.array(found), colour, 0.5))
+            shapes.append(Points(f"located/{name}", np.array(found), colour, on_screen(3.0)))
     errors = [
         np.stack([pose[:3, 3], [*scan.pose[:2, 3], pose[2, 3]]])
         for scan, pose in zip(scans, poses, strict=True)
         if scan.pose is not None
     ]
     if errors:
-        shapes.append(Lines("located/to_the_true_position", errors, RED, 0.05))
+        shapes.append(Lines("located/to_the_true_position", errors, RED, on_screen(1.0)))
     return Scene(f"scans in the map {place_map.source}".strip(), shapes, _origin(place_map))
 
 
@@ -71,7 +71,7 @@ def _map_shapes(place_map: Map) -> list[Points | Lines]:
     rows = thinned_rows(points)
     return [
         Points("map/points", points[rows], _colours(heights[rows]), 0.12),
-        Points("map/places", poses[:, :3, 3], GREY, 0.4, place_map.places.names),
+        Points("map/places", poses[:, :3, 3], GREY, on_screen(2.5), place_map.places.names),
     ]
 
 

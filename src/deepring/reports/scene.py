@@ -18,6 +18,11 @@ GREY, BLUE, ORANGE, GREEN, RED, PURPLE = (
 )
 
 
+def on_screen(points: float) -> float:
+    """A radius in points of the screen, the same from near and far; negative, as rerun has it."""
+    return -points
+
+
 @dataclass(frozen=True, eq=False)
 class Points:
     """Points of one colour or of a colour each."""
@@ -28,7 +33,7 @@ class Points:
     """(n, 3) metres in the world."""
     colour: Colour | NDArray[np.uint8]
     radius: float
-    """Metres."""
+    """Metres, or `on_screen`."""
     labels: Sequence[str] = ()
     """A text for each point, or none."""
     step: int | None = None
@@ -44,6 +49,7 @@ class Lines:
     """Each (n, 3) metres in the world."""
     colour: Colour
     radius: float
+    """Metres, or `on_screen`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from deepring.errors import ConfigError
-from deepring.io.files import replacing
+from deepring.io.files import write_whole
 from deepring.reports.scene import Points, Scene
 from deepring.text import printable
 
@@ -24,6 +24,10 @@ def rerun() -> Any:
         raise ConfigError(
             "view: rerun is not installed, expected it; run pip install 'deepring[view]'"
         ) from error
+    if not library.RecordingStream("deepring").is_enabled():
+        raise ConfigError(
+            "view: rerun is switched off in the environment, expected RERUN=1 or no such variable"
+        )
     return library
 
 
@@ -44,7 +48,7 @@ def view(scene: Scene) -> None:
     Raises ConfigError if rerun is not installed or its viewer does not start.
     """
     library = rerun()
-    stream = library.RecordingStream(_application(scene))
+    stream = library.RecordingStream("deepring")
     try:
         stream.spawn()
     except Exception as error:  # of whatever kind: the viewer is another program
@@ -62,20 +66,24 @@ def save_view(scene: Scene, path: Path) -> None:
     Raises ConfigError if rerun is not installed, and FileError if the file cannot be written.
     """
     library = rerun()
-    with replacing(path) as temporary:
-        stream = library.RecordingStream(_application(scene))
-        temporary.touch()  # whether the disk takes it is said by the system, not by the library
-        stream.save(temporary)
-        _log(library, stream, scene)
-        stream.flush()
-        stream.disconnect()
+    stream = library.RecordingStream("deepring")
+    # Not by the library's own `save`, which waits for ever where the disk is full.
+    memory = stream.memory_recording()
+    _log(library, stream, scene)
+    write_whole(path, [memory.drain_as_bytes()])
 
 
-def _application(scene: Scene) -> str:
-    return f"deepring: {printable(scene.name)}"
+def _title(scene: Scene) -> str:
+    """The scene's name, and what its coordinates are relative to."""
+    name = printable(scene.name)
+    if not scene.origin.any():
+        return name
+    x, y, z = scene.origin
+    return f"{name}, relative to x {x:.0f}, y {y:.0f}, z {z:.0f} m"
 
 
 def _log(library: Any, stream: Any, scene: Scene) -> None:
+    stream.send_recording_name(_title(scene))
     for shape in scene.shapes:
         if isinstance(shape, Points):
             value = library.Points3D(
@@ -92,10 +100,6 @@ def _log(library: Any, stream: Any, scene: Scene) -> None:
             strips = [_near(strip, scene) for strip in shape.strips]
             value = library.LineStrips3D(strips, colors=shape.colour, radii=shape.radius)
             stream.log(shape.path, value, static=True)
-    if scene.origin.any():
-        x, y, z = scene.origin
-        text = f"Coordinates are relative to x {x:.0f}, y {y:.0f}, z {z:.0f} (m)."
-        stream.log("origin", library.TextDocument(text), static=True)
 
 
 def _near(positions: Any, scene: Scene) -> Any:
