@@ -113,8 +113,9 @@ def locate(
                 row = {"scan": str(name), "stamp": stamp, **asdict(location)}
                 if args.refine:
                     row["refined"] = place_map.refine(points, location, ground_z)
-                title = name.name if stamp is None else f"{name.name} {stamp}"
-                shown.add(title, row.get("refined"), location, seen, points, ground_z, pose)
+                shown.add(
+                    name.name, stamp, row.get("refined"), location, seen, points, ground_z, pose
+                )
                 yield row
             except StopIteration:
                 break

@@ -108,13 +108,12 @@ def _truth(source: DriveSource, track: Track, given: Trajectory | None) -> Truth
 
 def _contents(result: DriveResult, files: dict[str, Path]) -> dict[Path, str | bytes]:
     """What each file holds."""
-    figure = drive_figure(result)
     contents: dict[str, str | bytes] = {
         "json": result_json(result) + "\n",
         "g2o": _text(g2o_lines(result.graph, result.kept)),
         "loops": _text(loop_lines(result.kept)),
-        "picture": png(figure),
-        "page": drive_page(result, figure),
+        "picture": png(drive_figure(result)),
+        "page": drive_page(result),
     }
     for name, poses in result.trajectories().items():
         contents[f"{name} tum"] = _text(tum_lines(poses, result.track.stamps))

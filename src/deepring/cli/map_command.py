@@ -97,5 +97,5 @@ def look(
 
         facts = list(_facts(file, place_map))
         flat = [path[:, :2] for path in paths]
-        write_page(args, map_page(place_map, facts, flat, left_out))
+        write_page(args, map_page(file.name, place_map, facts, flat, left_out))
     show_scene(args, lambda: map_scene(place_map, paths))

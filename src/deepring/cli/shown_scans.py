@@ -28,6 +28,7 @@ class ShownScans:
     def add(
         self,
         name: str,
+        stamp: int | None,
         refined: RefinedPose | None,
         location: Location,
         seen: Observation,
@@ -38,6 +39,8 @@ class ShownScans:
         """Keep one scan."""
         if not is_shown(self.args):
             return
+        if stamp is not None and str(stamp) not in name:
+            name = f"{name} {stamp}"
         image = pack(seen.images[0], self.place_map.raster)
         thinned = thinned_points(scan_points(name, points)) if is_viewed(self.args) else None
         if ground_z is None:
@@ -50,5 +53,6 @@ class ShownScans:
         if self.args.page is not None:
             from deepring.reports.locations_page import locations_page  # figures: slow to import
 
-            write_page(self.args, locations_page(self.place_map, self._scans, refused))
+            name = self.args.map.name
+            write_page(self.args, locations_page(name, self.place_map, self._scans, refused))
         show_scene(self.args, lambda: locations_scene(self.place_map, self._scans))

@@ -3,24 +3,40 @@
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from deepring.localization.drives.drive_result import DriveResult, TrajectoryErrors
-from deepring.reports.html import heading, page, paragraph, picture, table
+from deepring.reports.drive_figure import drive_figure
+from deepring.reports.html import (
+    heading,
+    long_table,
+    page,
+    paragraph,
+    picture,
+    pictures_in_rows,
+    table,
+)
 
 #: Loops in the table; all are in the JSON file.
 _LISTED = 200
 
+_PICTURES = {"odometry": "The drive from above", "optimized": "Optimised"}
+
 _TITLES = {"odometry": "before", "optimized": "optimised"}
 
 
-def drive_page(result: DriveResult, figure: Figure) -> str:
+def drive_page(result: DriveResult) -> str:
     """The page, which needs no network and no other file."""
     track = result.track
     parts = [
         table(("", ""), summary_rows(result)),
         *(paragraph(f"Mind: {doubt}.") for doubt in track.doubts),
-        picture(figure, "The drive from above; loops join keyframes"),
+        pictures_in_rows(
+            (
+                picture(drive_figure(result, name), f"{_PICTURES[name]}; loops join keyframes")
+                for name in result.trajectories()
+            ),
+            wide=True,
+        ),
     ]
     errors = result.errors()
     if errors:
@@ -85,7 +101,7 @@ def _loops_table(result: DriveResult) -> str:
     kept = {id(loop) for loop in result.kept}
     names, rows = result.track.names, result.graph.scans
     head = ("scan", "sees", "x m", "y m", "yaw °", "fit", "inliers", "accepted")
-    return table(
+    return long_table(
         head,
         (
             (

@@ -17,7 +17,7 @@ def drive_scene(result: DriveResult) -> Scene:
     drawn = {name: poses[:, :3, 3] for name, poses in result.aligned().items()}
     if result.truth is not None:
         true = result.truth.poses[result.truth.known][:, :3, 3]
-        shapes.append(Lines("true poses", [true], GREY, 0.3))
+        shapes.append(Lines("true_poses", [true], GREY, 0.3))
     kept = {id(loop) for loop in result.kept}
     for name, positions in drawn.items():
         parts = np.split(positions, result.graph.scans[list(result.graph.breaks)])
@@ -29,7 +29,7 @@ def drive_scene(result: DriveResult) -> Scene:
         def joined(loop: Loop, at: np.ndarray = keyframes) -> np.ndarray:
             return at[[loop.earlier, loop.keyframe]]
 
-        for accepted, colour, words in ((True, GREEN, "loops"), (False, RED, "loops rejected")):
+        for accepted, colour, words in ((True, GREEN, "loops"), (False, RED, "loops_rejected")):
             strips = [joined(one) for one in result.graph.loops if (id(one) in kept) is accepted]
             if strips:
                 shapes.append(Lines(f"{name}/{words}", strips, colour, 0.08))

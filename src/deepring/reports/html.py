@@ -30,11 +30,14 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums; display: 
 th, td { padding: .25rem .75rem; text-align: right; border-bottom: 1px solid var(--line); }
 th { white-space: nowrap; vertical-align: bottom; }
 th:first-child, td:first-child { text-align: left; }
-.long { max-height: 32rem; overflow: auto; }
+td:nth-child(n+3) { white-space: nowrap; }
+.long { max-height: 32rem; overflow: auto; } .long td { white-space: nowrap; }
+.long table { max-width: none; overflow: visible; }
 figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; background: #fff;
   border-radius: .4rem; }
 .row { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(15rem, 100%), 1fr));
   gap: 0 1.5rem; }
+.wide.row { grid-template-columns: repeat(auto-fit, minmax(min(28rem, 100%), 1fr)); }
 .row figure { margin: .75rem 0; }
 figcaption { color: var(--soft); overflow-wrap: anywhere; }
 pre { overflow-x: auto; background: var(--block); padding: 1rem; }
@@ -89,9 +92,10 @@ def bullets(lines: Iterable[str]) -> str:
     return "<ul>\n" + "\n".join(f"<li>{_text(line)}</li>" for line in lines) + "\n</ul>"
 
 
-def pictures_in_rows(pictures: Iterable[str]) -> str:
-    """Small pictures beside each other, as many as the window is wide."""
-    return '<div class="row">\n' + "\n".join(pictures) + "\n</div>"
+def pictures_in_rows(pictures: Iterable[str], *, wide: bool = False) -> str:
+    """Pictures beside each other, as many as the window has room for."""
+    kind = "wide row" if wide else "row"
+    return f'<div class="{kind}">\n' + "\n".join(pictures) + "\n</div>"
 
 
 def preformatted(text: str) -> str:

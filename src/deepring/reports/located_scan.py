@@ -46,7 +46,8 @@ def cell_centres(image: NDArray[np.bool_], extent: float) -> NDArray[np.float64]
     >>> cell_centres(np.array([[False, True], [False, False]]), extent=2.0)  # behind, to the left
     array([[-1.,  1.]])
     """
-    return (np.argwhere(image) + 0.5) * (2 * extent / len(image)) - extent
+    centres = (np.argwhere(image) + 0.5) * (2 * extent / len(image)) - extent
+    return centres.astype(np.float64)
 
 
 def cells_in_place(

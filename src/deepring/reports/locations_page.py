@@ -11,6 +11,7 @@ import torch
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from deepring.core.rigid import wrap_angle, yaw_of
 from deepring.data.packed_rasters import unpack
 from deepring.localization.calibration import (
     LocalizationTrials,
@@ -49,11 +50,12 @@ _ANOTHER_WORLD = 20.0
 
 
 def locations_page(
-    place_map: Map, scans: Sequence[LocatedScan], refused: Sequence[str] = ()
+    name: str, place_map: Map, scans: Sequence[LocatedScan], refused: Sequence[str] = ()
 ) -> str:
     """The page, which needs no network and no other file.
 
     Args:
+        name: of the map's file.
         place_map: the map.
         scans: those that were located.
         refused: why the others were not.
@@ -83,7 +85,7 @@ def locations_page(
         if len(scans) > _LISTED:
             rest = f"And {len(scans) - _LISTED} more; --as csv or --as json has all of them."
             parts.append(paragraph(rest))
-    return page(f"Scans in the map {place_map.source}".strip(), parts)
+    return page(f"Scans in the map {name}", parts)
 
 
 _EXPLANATION = (
@@ -161,13 +163,14 @@ def _errors(trials: LocalizationTrials, truth: Sequence[LocatedScan]) -> Iterato
     right = f"within {tolerance.metres:g} m and {tolerance.degrees:g}°"
     head = ("", "scans", right, "median", "95 %", "largest", "median turn")
     kinds = (("all", trusted | True), ("trusted", trusted), ("doubtful", ~trusted))
-    yield table(
-        head,
-        (
-            (name, str(int(of.sum())), str(int(correct[of].sum())), *_spread(trials, of))
-            for name, of in kinds
-        ),
-    )
+    rows = [
+        (name, *_spread(trials.metres[of], trials.degrees[of], tolerance)) for name, of in kinds
+    ]
+    refined = [_refined_errors(scan) for scan in truth if scan.refined is not None]
+    if refined:
+        metres, degrees = np.array(refined).T
+        rows.append(("refined", *_spread(metres, degrees, tolerance)))
+    yield table(head, rows)
     both, reachable = int((trusted & correct & near).sum()), int(near.sum())
     yield paragraph(
         f"{both} of the {reachable} scans within {tolerance.reach:g} m of a place are trusted and "
@@ -175,12 +178,25 @@ def _errors(trials: LocalizationTrials, truth: Sequence[LocatedScan]) -> Iterato
     )
 
 
-def _spread(trials: LocalizationTrials, of: NDArray[np.bool_]) -> tuple[str, ...]:
-    if not of.any():
-        return ("", "", "", "")
-    metres = trials.metres[of]
+def _spread(
+    metres: NDArray[np.float64], degrees: NDArray[np.float64], tolerance: Tolerance
+) -> tuple[str, ...]:
+    """How many there are, how many are right, and how far they are off."""
+    right = (metres < tolerance.metres) & (degrees < tolerance.degrees)
+    counts = (str(len(metres)), str(int(right.sum())))
+    if not len(metres):
+        return (*counts, "", "", "", "")
     sizes = (np.median(metres), np.percentile(metres, 95), metres.max())
-    return (*(f"{size:.2f} m" for size in sizes), f"{np.median(trials.degrees[of]):.2f}°")
+    return (*counts, *(f"{size:.2f} m" for size in sizes), f"{np.median(degrees):.2f}°")
+
+
+def _refined_errors(scan: LocatedScan) -> tuple[float, float]:
+    """Metres along the ground and degrees of heading between the refined pose and the true one."""
+    assert scan.refined is not None
+    assert scan.pose is not None
+    metres = np.hypot(*(scan.refined[:2, 3] - scan.pose[:2, 3]))
+    turn = wrap_angle(float(yaw_of(scan.refined)) - float(yaw_of(scan.pose)))
+    return float(metres), abs(math.degrees(turn))
 
 
 def _alignments(place_map: Map, scans: Sequence[LocatedScan], wrong: set[int]) -> Iterator[str]:
@@ -214,6 +230,13 @@ def selection(scans: Sequence[LocatedScan], kinds: Sequence[Any], most: int) -> 
     return [scan for scan in chain.from_iterable(turns) if scan is not None][:most]
 
 
+def _answer(doubt: str | None) -> str:
+    """Whether to trust a location, as `deepring localize` says it, and why not."""
+    if doubt is None:
+        return "yes"
+    return f"{'no' if doubt in ('fit', 'ratio') else 'cannot tell'}: {doubt}"
+
+
 def _table(scans: Sequence[LocatedScan], off: dict[int, tuple[float, float]]) -> str:
     head = ["scan", "x m", "y m", "yaw °", "fit", "ratio", "trusted"]
     head += ["off m", "off °"] if off else []
@@ -227,7 +250,7 @@ def _table(scans: Sequence[LocatedScan], off: dict[int, tuple[float, float]]) ->
         yield f"{math.degrees(found.yaw):.1f}"
         yield f"{found.fit:.2f}"
         yield f"{found.ratio:.2f}"
-        yield "yes" if found.doubt is None else f"no: {found.doubt}"
+        yield _answer(found.doubt)
         if off:
             yield from (f"{value:.2f}" for value in off.get(id(scan), ()))
         yield found.name

@@ -25,6 +25,7 @@ _SHOWN, _REASONS = 4, 50
 
 
 def map_page(
+    name: str,
     place_map: Map,
     facts: Sequence[tuple[str, str]],
     paths: Sequence[NDArray[np.float64]] = (),
@@ -33,6 +34,7 @@ def map_page(
     """The page, which needs no network and no other file.
 
     Args:
+        name: of the map's file.
         place_map: the map.
         facts: what is known of it, as names and values.
         paths: (n, 2) positions that were driven, metres.
@@ -51,13 +53,13 @@ def map_page(
         parts.append(pictures_in_rows(_pictures(place_map)))
     else:
         parts.append(paragraph("None."))
-    return page(f"The map {place_map.source}".strip(), parts)
+    return page(f"The map {name}", parts)
 
 
 _EXPLANATION = (
     "Each place is kept as what stands out of the ground, seen from above, the sensor in the "
-    "middle. Its sinogram sums the image along lines, at every angle θ and offset τ: a turn of the "
-    "sensor moves it along θ. The descriptor is made of it."
+    "middle, x forward. Its sinogram sums the image along lines, at every angle θ and offset τ: a "
+    "turn of the sensor moves it along θ. The descriptor is made of it."
 )
 
 

@@ -38,7 +38,7 @@ def locations_scene(place_map: Map, scans: Sequence[LocatedScan]) -> Scene:
         label = f"{scan.name}: {scan.location.doubt or 'trusted'}"
         shapes.append(Points("scan/position", at, colour, 0.8, [label], step))
         if scan.points is not None:
-            points = _moved(scan.points * STEP, pose)
+            points = _moved(scan.points.astype(np.float64) * STEP, pose)
             shapes.append(Points("scan/points", points, colour, 0.08, (), step))
     for name, colour, trusted in (("trusted", GREEN, True), ("doubtful", ORANGE, False)):
         found = [
@@ -52,7 +52,7 @@ def locations_scene(place_map: Map, scans: Sequence[LocatedScan]) -> Scene:
         if scan.pose is not None
     ]
     if errors:
-        shapes.append(Lines("located/to the true position", errors, RED, 0.05))
+        shapes.append(Lines("located/to_the_true_position", errors, RED, 0.05))
     return Scene(f"scans in the map {place_map.source}".strip(), shapes, _origin(place_map))
 
 
@@ -90,8 +90,10 @@ def _seen(place_map: Map, poses: FloatArray) -> Iterator[tuple[FloatArray, Float
 
 def thinned_rows(points: FloatArray) -> NDArray[np.int64]:
     """Rows of points (n, 3), metres: one for each voxel, since places see the same things."""
+    if not len(points):
+        return np.empty(0, np.int64)
     cells = np.floor(points / _VOXEL).astype(np.int64)
-    cells -= cells.min(axis=0, initial=0)
+    cells -= cells.min(axis=0)
     _, rows = np.unique(np.ravel_multi_index(cells.T, cells.max(axis=0) + 1), return_index=True)
     return np.sort(rows)
 

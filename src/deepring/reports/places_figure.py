@@ -53,9 +53,8 @@ def places_figure(
         label = "_" if number else "path"
         axes.plot(*(path - origin).T, color=INK, linewidth=0.8, alpha=0.6, label=label)
     colour = INK if not marks else DATABASE
-    axes.scatter(
-        *(places - origin).T, s=12, color=colour, linewidths=0, label=f"places ({len(places)})"
-    )
+    x, y = (places - origin).T
+    axes.scatter(x, y, s=12, color=colour, linewidths=0, label=f"places ({len(places)})")
     if errors:
         lines = LineCollection([np.stack(pair) - origin for pair in errors], colors=MISS)
         lines.set(linewidth=0.8, label="to the true position")
@@ -65,7 +64,7 @@ def places_figure(
         label = f"{name} ({len(positions)})"
         crossed = marker in "x+"
         axes.scatter(
-            *(x, y), s=34 if crossed else 22, marker=marker, color=tone, label=label, alpha=0.9,
+            x, y, s=34 if crossed else 22, marker=marker, color=tone, label=label, alpha=0.9,
             linewidths=1.6 if crossed else 0,
         )  # fmt: skip
     x_label, y_label = (axis_label(*pair) for pair in zip("xy", origin, strict=True))
