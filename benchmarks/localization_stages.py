@@ -16,8 +16,8 @@ from deepring.core.rigid import pose_from
 from deepring.localization import map as maps
 from deepring.localization.alignment import Alignment, align, image_correlation
 from deepring.localization.alignment.image_correlation import half_whitened, occupied_cells
-from deepring.localization.candidates import RerankSettings, align_candidates, spread_out
-from deepring.localization.map import SURPLUS, Map
+from deepring.localization.candidates import RerankSettings, align_candidates
+from deepring.localization.map import Map
 from deepring.localization.observation import Observation, described
 from deepring.methods.network_file import load_network
 from deepring.rasters.bev import bev_occupancy
@@ -156,8 +156,6 @@ def _scan(one: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def _candidates(campus: Map, points: np.ndarray) -> tuple:
     """What `align_candidates` is given for a scan: image, turns, images of places, poses."""
     one = campus.observe([points])
-    hits = campus.index.search(one.descriptors, SURPLUS * campus.rerank.candidates)
-    poses = campus.places.planar_poses(hits.place[0])
-    rows = spread_out(poses[:, :2], campus.rerank)
-    images = campus.places.images(hits.place[0, rows])
-    return torch.from_numpy(one.images[0]), hits.turn[0, rows], images, poses[rows]
+    places, poses, turns, _ = campus._candidates(one, None)
+    images = campus.places.images(places)
+    return torch.from_numpy(one.images[0]), turns, images, poses

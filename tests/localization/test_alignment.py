@@ -100,7 +100,7 @@ def test_the_correlation_is_the_direct_sum_over_shifts():
     assert float(whole[0].square().sum()) == pytest.approx(1.0, abs=1e-5)
     cells = occupied_cells(images[1], small)
     turned = half_whitened(turned_images(cells, torch.zeros(1), small), small)
-    pair = torch.tensor([[0, 0]])
+    pair = torch.tensor([[0, 0, 0]])
     curves = correlations(half_whitened(images[:1], small), turned, pair, small)[0]
     assert curves.shape == (16, 16)
     for i, j in itertools.product(range(-3, 4), repeat=2):

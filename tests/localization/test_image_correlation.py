@@ -1,5 +1,7 @@
 """Correlation of images: compiled loops beside plain torch, and images at half the resolution."""
 
+import math
+
 import pytest
 import torch
 from hypothesis import given, settings
@@ -8,6 +10,7 @@ from hypothesis import strategies as st
 from deepring.localization.alignment import image_correlation
 from deepring.localization.alignment.image_correlation import (
     best_fits,
+    correlations,
     half_whitened,
     occupied_cells,
     peaks,
@@ -83,11 +86,31 @@ def test_half_the_resolution_keeps_cells_and_their_middle(cells):
         torch.testing.assert_close(ours, theirs, atol=1e-2, rtol=0)
 
 
+@pytest.mark.parametrize(("cells", "padded"), [(24, 36), (15, 18), (15, 20)])
+@pytest.mark.parametrize("compiled", [True, False])
+def test_half_a_turn_more_is_the_same_spectrum_seen_from_behind(
+    cells, padded, compiled, monkeypatch
+):
+    monkeypatch.setattr(image_correlation, "_compiled", lambda _: compiled)
+    small = AlignmentSettings(cells, extent=cells / 2, padded=padded, reach=5.0, blur=0.5)
+    images = some_images(3, cells)
+    inside, spectra = occupied_cells(images[0], small), half_whitened(images[1:], small)
+    for turn in (0.0, 0.4, -2.5, 3.0):
+        turns = torch.tensor([turn, turn + math.pi])
+        one, drawn = half_whitened(turned_images(inside, turns, small), small).split(1)
+        ours = correlations(spectra, one, torch.tensor([[0, 0, 1], [1, 0, 1]]), small)
+        expected = correlations(spectra, drawn, torch.tensor([[0, 0, 0], [1, 0, 0]]), small)
+        torch.testing.assert_close(ours, expected, atol=1e-5, rtol=0)
+        # The usual misreading: the conjugate alone turns about the first cell, not the middle.
+        misread = torch.fft.irfft2(spectra * one, s=(padded, padded), norm="forward")
+        assert (misread - expected).abs().max() > 0.1
+
+
 def test_turns_that_differ_by_rounding_are_turned_once(monkeypatch):
     small = AlignmentSettings(24, extent=12.0, padded=36)
     images, turned = some_images(3, 24), []
     inside, spectra = occupied_cells(images[0], small), half_whitened(images[1:], small)
-    turns = torch.tensor([[0.5, 2.0, 0.5 + 1e-7], [2.0 - 2e-7, 0.5, 1.0]])
+    turns = torch.tensor([[0.5, 2.0, 0.5 + 1e-7], [2.0 - 2e-7 + math.pi, 0.5 - math.pi, 1.0]])
     expected = best_fits(inside, spectra, turns, small)
     plain = image_correlation.turned_images
     monkeypatch.setattr(

@@ -10,6 +10,7 @@ from safetensors.torch import save_file
 from deepring.core.rigid import turn_points, yaw_of
 from deepring.data.readers.nclt import open_nclt
 from deepring.errors import BrokenScanError, DeepringError, FileError
+from deepring.localization import map as maps
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.map import Map
@@ -263,3 +264,22 @@ def test_tensors_are_missed_and_unknown_ones_named(saved):
     weights = {f"network.{name}": torch.zeros(1) for name in ("more", "even.more")}
     rewritten(saved, lacking=["more"], tensors={"poses": torch.zeros(1, 4, 4), **weights})
     refused(saved, "network|n = ")
+
+
+@pytest.mark.parametrize("spread", [0.0, 5.0, 150.0])
+def test_few_places_are_looked_up_first_and_the_answer_is_the_same(drives, spread, monkeypatch):
+    rerank = RerankSettings(candidates=3, spread=spread)
+    place_map = build_map(drives[0], small_network(), spacing=0.0, rerank=rerank)
+    looked_up, search = [], place_map.index.search
+
+    def counted(descriptors, k, **options):
+        looked_up.append(k)
+        return search(descriptors, k, **options)
+
+    monkeypatch.setattr(place_map.index, "search", counted)
+    found = [place_map.localize(drives[1].points(k)) for k in range(0, 12, 3)]
+    first, most = maps.SURPLUS
+    assert looked_up.count(3 * first) == len(found)
+    assert (3 * most in looked_up) == (spread == 150.0)
+    monkeypatch.setattr(maps, "SURPLUS", (most,))
+    assert [place_map.localize(drives[1].points(k)) for k in range(0, 12, 3)] == found

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from deepring import checks
 from deepring.core.rigid import yaw_after_turn
@@ -31,8 +32,8 @@ from deepring.search.block_store import axis_of
 from deepring.search.correlation_index import CorrelationIndex
 from deepring.search.search_settings import SearchSettings
 
-#: Places looked up per candidate, so that enough of them lie apart.
-SURPLUS = 8
+#: Places looked up per candidate, so that enough of them lie apart: more if the first do not.
+SURPLUS = (2, 8)
 
 #: Scans described at a time.
 BATCH = 64
@@ -195,14 +196,9 @@ class Map:
         self._expect_places(before)
         if len(self._observed(scan).images) != 1:
             raise DataError(f"observation: {len(scan.images)} scans, expected one")
-        k = SURPLUS * self.rerank.candidates
-        hits = self.index.search(scan.descriptors, k, before=before)
-        assert hits.turn is not None
-        poses = self.places.planar_poses(hits.place[0])
-        rows = spread_out(poses[:, :2], self.rerank)
-        places, poses = hits.place[0, rows], poses[rows]
+        places, poses, turns, scores = self._candidates(scan, before)
         image, images = torch.from_numpy(scan.images[0]), self.places.images(places)
-        alignment = align_candidates(image, hits.turn[0, rows], images, self.rerank, poses)
+        alignment = align_candidates(image, turns, images, self.rerank, poses)
         best = best_fit(alignment, poses, self.rerank)
         candidate = best.candidate
         found, turn = images[candidate], float(alignment.turn[candidate])
@@ -217,13 +213,26 @@ class Map:
             x=float(best.position[0]),
             y=float(best.position[1]),
             yaw=yaw_after_turn(float(poses[candidate, 2]), turn),
-            similarity=float(hits.score[0, rows[candidate]]),
+            similarity=float(scores[candidate]),
             fit=best.fit,
             ratio=ratio,
             cells=cells,
             trusted=doubt is None,
             doubt=doubt,
         )
+
+    def _candidates(self, scan: Observation, before: int | None) -> tuple[Tensor, ...]:
+        """Candidates, best first and spread out: places (k,), planar poses (k, 3), turns and scores
+        (k,)."""
+        number = self.rerank.candidates
+        for surplus in SURPLUS:
+            hits = self.index.search(scan.descriptors, surplus * number, before=before)
+            poses = self.places.planar_poses(hits.place[0])
+            rows = spread_out(poses[:, :2], self.rerank)
+            if len(rows) == number or len(poses) < surplus * number:
+                break
+        assert hits.turn is not None
+        return hits.place[0, rows], poses[rows], hits.turn[0, rows], hits.score[0, rows]
 
     def _expect_places(self, before: int | None) -> None:
         if before is not None:

@@ -4,8 +4,6 @@ Of a map of one place nothing else can be compared. But two unrelated scans fit 
 many positions, and in a tunnel or between two straight walls so do two scans of one place.
 """
 
-import math
-
 import torch
 from torch import Tensor
 
@@ -36,9 +34,8 @@ def fit_elsewhere(
     alignment = settings.alignment
     cells = occupied_cells(image, alignment)
     spectra = half_whitened(place[None], alignment)
-    turns = torch.tensor([turn, turn + math.pi])
-    queries = half_whitened(turned_images(cells, turns, alignment), alignment)
-    curves = correlations(spectra, queries, torch.tensor([[0, 0], [0, 1]]), alignment)
+    query = half_whitened(turned_images(cells, torch.tensor([turn]), alignment), alignment)
+    curves = correlations(spectra, query, torch.tensor([[0, 0, 0], [0, 0, 1]]), alignment)
     reach = alignment.shifts
     curves = curves.roll((reach, reach), dims=(-2, -1))
     same, opposite = curves[:, : 2 * reach + 1, : 2 * reach + 1]

@@ -79,12 +79,19 @@ def half_whiten(spectra, transfer, times):
 
 @njit(cache=True, nogil=True)
 @no_type_check
-def multiply(places, queries, pairs, out):
-    """Write place times conjugate query of pairs (p, 2), their numbers, into ``out`` (p, f)."""
+def multiply(behind, places, queries, pairs, out):
+    """Write place times conjugate query into ``out`` (p, f).
+
+    pairs (p, 3) are their numbers, and whether the query is turned by half a turn more: its
+    spectrum times ``behind`` (f,) is then the conjugate one."""
     for k in range(pairs.shape[0]):
         place, query, product = places[pairs[k, 0]], queries[pairs[k, 1]], out[k]
-        for f in range(place.shape[0]):
-            product[f] = place[f] * np.conj(query[f])
+        if pairs[k, 2]:
+            for f in range(place.shape[0]):
+                product[f] = place[f] * (query[f] * behind[f])
+        else:
+            for f in range(place.shape[0]):
+                product[f] = place[f] * np.conj(query[f])
 
 
 @njit(cache=True, nogil=True)

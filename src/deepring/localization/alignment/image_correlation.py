@@ -105,11 +105,16 @@ def best_fits(
 
     Returns the heights (...) of the correlations' peaks, and their shifts (..., 2) in cells.
     """
-    # Turns are multiples of a descriptor's step, and the query is turned once for all map scans.
-    distinct, which = torch.unique((turns / _SAME).round(), return_inverse=True)
+    # Turns are multiples of a descriptor's step, and the query is turned once for all map scans;
+    # half a turn more is the same image seen from behind.
+    halves = (turns / math.pi).floor()
+    distinct, which = torch.unique(
+        ((turns - halves * math.pi) / _SAME).round(), return_inverse=True
+    )
     queries = half_whitened(turned_images(cells, distinct * _SAME, settings), settings)
     rows = torch.arange(len(turns), device=turns.device)
-    pairs = torch.stack([rows.repeat_interleave(which[0].numel()), which.flatten()], dim=1)
+    rows = rows.repeat_interleave(which[0].numel())
+    pairs = torch.stack([rows, which.flatten(), (halves % 2).long().flatten()], dim=1)
     height, shift = turns.new_empty(len(pairs)), turns.new_empty(len(pairs), 2)
     for part in _parts(len(pairs), settings):
         curves = correlations(spectra, queries, pairs[part], settings)
@@ -120,19 +125,24 @@ def best_fits(
 def correlations(
     spectra: Tensor, queries: Tensor, pairs: Tensor, settings: AlignmentSettings
 ) -> Tensor:
-    """Correlations (p, padded, padded) of pairs (p, 2) of a map scan and a query, their numbers.
+    """Correlations (p, padded, padded) of pairs of a map scan and a query.
 
-    They are over shifts in cells; negative ones are at the ends of the axes.
+    A row of ``pairs`` (p, 3) int64 has the number of the map scan, that of the query, and 1 for the
+    query turned by half a turn more, 0 otherwise. Correlations are over shifts in cells; negative
+    ones are at the ends of the axes.
     """
     side = settings.padded
+    behind = _seen_from_behind(settings).to(spectra.device)
     if _compiled(spectra):
         from deepring.localization.alignment import _alignment_kernels as _kernels
 
         products = spectra.new_empty(len(pairs), side, side // 2 + 1)
         arrays = (v.flatten(1).numpy() for v in (spectra, queries, pairs, products))
-        _kernels.multiply(*arrays)
+        _kernels.multiply(behind.flatten().numpy(), *arrays)
     else:
-        products = spectra[pairs[:, 0]] * queries[pairs[:, 1]].conj()
+        half = pairs[:, 2, None, None] == 1
+        turned = queries[pairs[:, 1]]
+        products = spectra[pairs[:, 0]] * torch.where(half, turned * behind, turned.conj())
     return torch.fft.irfft2(products, s=(side, side), norm="forward")
 
 
@@ -215,3 +225,13 @@ def _times(side: int) -> Tensor:
     columns = torch.full((side // 2 + 1,), 2.0)
     columns[0] = columns[-1] = 1.0
     return columns.repeat(side)
+
+
+@lru_cache
+@torch.inference_mode(False)
+def _seen_from_behind(settings: AlignmentSettings) -> Tensor:
+    """What makes of a spectrum (padded, padded // 2 + 1) the conjugate one of the same image turned
+    by half a turn, whose last cell is the first."""
+    side, last = settings.padded, settings.cells - 1
+    along = torch.fft.fftfreq(side)[:, None] + torch.fft.rfftfreq(side)[None]
+    return torch.exp(2j * math.pi * last * along.double()).to(torch.complex64)
