@@ -7,7 +7,7 @@ import torch
 from numpy.typing import NDArray
 
 from deepring import checks
-from deepring.core.rigid import pose_from, rotation_from_rpy
+from deepring.core.rigid import planar_pose
 from deepring.errors import DataError
 from deepring.localization.common_frame import common_frame
 from deepring.localization.map import BATCH, Map
@@ -72,7 +72,7 @@ def find_frame(first: Map, second: Map, progress: Progress | None = None) -> Fou
     expected = frame.applied(planar[rows][agree])
     z = float(np.median(np.array(grounds)[agree]))
     return FoundFrame(
-        pose_from(rotation_from_rpy(0.0, 0.0, frame.yaw), [frame.x, frame.y, z]),
+        planar_pose(frame.x, frame.y, frame.yaw, z),
         len(places),
         len(rows),
         int(agree.sum()),

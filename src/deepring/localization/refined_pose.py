@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from deepring import checks
-from deepring.core.rigid import FloatArray, pose_from, rotation_from_rpy
+from deepring.core.rigid import FloatArray, moved_points, planar_pose, yaw_of
 from deepring.errors import DataError
 from deepring.localization.location import Location
 from deepring.localization.registration.pose_covariance import direction_name, turned
@@ -67,7 +67,7 @@ class RefinedPose:
     def roll_pitch_yaw(self) -> tuple[float, float, float]:
         """Radians: the rotation is Rz(yaw) Ry(pitch) Rx(roll)."""
         r = self.pose[:3, :3]
-        roll, yaw = math.atan2(r[2, 1], r[2, 2]), math.atan2(r[1, 0], r[0, 0])
+        roll, yaw = math.atan2(r[2, 1], r[2, 2]), float(yaw_of(r))
         return roll, -math.asin(min(1.0, max(-1.0, float(r[2, 0])))), yaw
 
     @property
@@ -95,7 +95,7 @@ def refined_pose(
     start = np.linalg.inv(anchor) @ _start(anchor, location, place_map.ground_z - ground_z)
     shared = []
     for place, pose in zip(near.tolist(), np.linalg.inv(anchor) @ poses, strict=True):
-        shared.append(place_map.points.of(place) @ pose[:3, :3].T + pose[:3, 3])
+        shared.append(moved_points(place_map.points.of(place), pose))
     reference = np.concatenate(shared)
     if not len(reference):
         raise DataError(
@@ -130,9 +130,8 @@ def _places_around(place_map: "Map", location: Location) -> np.ndarray[Any, np.d
 
 def _start(place: FloatArray, location: Location, higher: float) -> FloatArray:
     """World <- scan (4, 4): the place's height and tilt, moved and turned along its ground."""
-    yaw = math.atan2(place[1, 0], place[0, 0])
-    level = pose_from(rotation_from_rpy(0, 0, yaw), [place[0, 3], place[1, 3], 0.0])
-    there = pose_from(rotation_from_rpy(0, 0, location.yaw), [location.x, location.y, 0.0])
+    level = planar_pose(place[0, 3], place[1, 3], float(yaw_of(place)))
+    there = planar_pose(location.x, location.y, location.yaw)
     start = place @ np.linalg.inv(level) @ there
     start[:3, 3] += higher * place[:3, 2]
     return np.asarray(start)

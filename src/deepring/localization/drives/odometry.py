@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring import checks
+from deepring.core.rigid import moved_points
 from deepring.data.poses.stamps import NANOSECONDS
 from deepring.data.scans.point_times import TimedPoints
 from deepring.data.session import Points
@@ -150,7 +151,7 @@ def _overlap(
     if not len(near) or not len(around):
         return 0.0
     tree = KDTree(around, balanced_tree=False, compact_nodes=False)
-    distances, _ = tree.query(near @ pose[:3, :3].T + pose[:3, 3], distance_upper_bound=reach)
+    distances, _ = tree.query(moved_points(near, pose), distance_upper_bound=reach)
     return float(np.isfinite(distances).mean())
 
 
