@@ -14,7 +14,7 @@ from deepring.core.rigid import moved_points
 from deepring.data.poses.stamps import NANOSECONDS
 from deepring.data.scans.point_times import TimedPoints
 from deepring.data.session import Points
-from deepring.errors import BrokenScanError, ConfigError
+from deepring.errors import BrokenScanError
 from deepring.localization.drives.deskewing import deskewed, motion_over
 
 #: Points that a scan needs in range. Real sensors give thousands.
@@ -157,14 +157,10 @@ def _overlap(
 
 def kiss_icp() -> Any:
     """Makes the library's odometry of `OdometrySettings`. ConfigError if it is not installed."""
-    try:
-        from kiss_icp.config import KISSConfig
-        from kiss_icp.config.config import DataConfig, MappingConfig, RegistrationConfig
-        from kiss_icp.kiss_icp import KissICP
-    except ImportError as error:
-        raise ConfigError(
-            "odometry: kiss-icp is not installed, expected it; run pip install 'deepring[odometry]'"
-        ) from error
+    checks.installed("odometry", "kiss_icp.kiss_icp", "kiss-icp", "odometry")
+    from kiss_icp.config import KISSConfig
+    from kiss_icp.config.config import DataConfig, MappingConfig, RegistrationConfig
+    from kiss_icp.kiss_icp import KissICP
 
     def make(settings: OdometrySettings) -> Any:
         config = KISSConfig(

@@ -189,14 +189,7 @@ def start_of(turn: float, position: ArrayLike) -> FloatArray:
 
 def small_gicp() -> Any:
     """The library. Raises ConfigError if it is not installed."""
-    try:
-        import small_gicp as library
-    except ImportError as error:
-        raise ConfigError(
-            "refinement: small_gicp is not installed, expected it; run "
-            "pip install 'deepring[refine]'"
-        ) from error
-    return library
+    return checks.installed("refinement", "small_gicp", "small_gicp", "refine")
 
 
 def _near(transform: FloatArray, start: FloatArray, settings: RefinementSettings) -> bool:
