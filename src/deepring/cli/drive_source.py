@@ -24,12 +24,10 @@ from deepring.errors import ConfigError, FileError
 
 
 class DriveSource(NamedTuple):
-    """What the options name; either a session or a recording."""
+    """What the options name."""
 
-    session: Session | None
-    """A drive whose poses are used."""
-    recording: Recording | None
-    """Scans whose poses the odometry finds."""
+    scans: Session | Recording
+    """A drive whose poses are used, or scans whose poses the odometry finds."""
     ground_z: float
     """z of the ground in the scans' frame, metres."""
     own_poses: NDArray[np.float64] | None = None
@@ -51,14 +49,14 @@ def open_source(args: argparse.Namespace) -> DriveSource:
                     f"every: {args.every}, expected 1 for a drive with poses: its keyframes are "
                     "as far apart as --spacing says; or add --odometry"
                 )
-            return DriveSource(session, None, ground_z)
+            return DriveSource(session, ground_z)
         own = session.poses[:: args.every]
-        return DriveSource(None, recorded_session(session, args.every), ground_z, own)
+        return DriveSource(recorded_session(session, args.every), ground_z, own)
     say_skipped(recording)
     ground_z, findings = inspect_recording(recording, args.ground_z)
     for finding in findings:
         warn(f"session {recording.name}: {finding}")
-    return DriveSource(None, recording, ground_z)
+    return DriveSource(recording, ground_z)
 
 
 def _recording(args: argparse.Namespace) -> Recording | None:

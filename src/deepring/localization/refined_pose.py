@@ -11,6 +11,7 @@ from deepring import checks
 from deepring.core.rigid import FloatArray, moved_points, planar_pose, yaw_of
 from deepring.errors import DataError
 from deepring.localization.location import Location
+from deepring.localization.place_points import PlacePoints
 from deepring.localization.registration.pose_covariance import direction_name, turned
 from deepring.localization.registration.refinement import RefinementSettings, register, settled
 from deepring.localization.scan_points import scan_points
@@ -84,8 +85,7 @@ def refined_pose(
     settings: RefinementSettings,
 ) -> RefinedPose:
     """Register a scan on the points of a map; see `Map.refine`."""
-    expect_points(place_map)
-    assert place_map.points is not None
+    kept = _points_of(place_map)
     scan = scan_points("scan", points).astype(np.float64)
     ground_z = place_map.ground_z if ground_z is None else checks.number("ground_z", ground_z)
     near = _places_around(place_map, location)
@@ -95,7 +95,7 @@ def refined_pose(
     start = np.linalg.inv(anchor) @ _start(anchor, location, place_map.ground_z - ground_z)
     shared = []
     for place, pose in zip(near.tolist(), np.linalg.inv(anchor) @ poses, strict=True):
-        shared.append(moved_points(place_map.points.of(place), pose))
+        shared.append(moved_points(kept.of(place), pose))
     reference = np.concatenate(shared)
     if not len(reference):
         raise DataError(
@@ -113,10 +113,11 @@ def refined_pose(
     )
 
 
-def expect_points(place_map: "Map") -> None:
-    """Raise DataError for a map without its places' points."""
+def _points_of(place_map: "Map") -> PlacePoints:
+    """The points of a map's places. Raises DataError for a map without them."""
     if place_map.points is None:
         raise DataError("map: holds no points to register on; expected them; build it with points")
+    return place_map.points
 
 
 def _places_around(place_map: "Map", location: Location) -> np.ndarray[Any, np.dtype[np.int64]]:
