@@ -87,9 +87,11 @@ def long_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return f'<div class="long">{table(head, rows)}</div>'
 
 
-def bullets(lines: Iterable[str]) -> str:
-    """A list of lines of plain text."""
-    return "<ul>\n" + "\n".join(f"<li>{_text(line)}</li>" for line in lines) + "\n</ul>"
+def bullets(lines: Sequence[str], most: int | None = None) -> str:
+    """A list of lines of plain text; of more than ``most`` it says how many there are besides."""
+    listed = "\n".join(f"<li>{_text(line)}</li>" for line in lines[:most])
+    rest = 0 if most is None else len(lines) - most
+    return f"<ul>\n{listed}\n</ul>" + (f"\n{paragraph(f'And {rest} more.')}" if rest > 0 else "")
 
 
 def pictures_in_rows(pictures: Iterable[str], *, wide: bool = False) -> str:
