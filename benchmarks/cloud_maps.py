@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from deepring.cli.process import tune_process
-from deepring.core.rigid import turn_points, yaw_of
+from deepring.core.rigid import moved_points, turn_points, yaw_of
 from deepring.data.clouds.open_cloud import open_cloud
 from deepring.data.readers import ground_of, list_sessions, open_session
 from deepring.data.scans.returns import is_return
@@ -79,7 +79,7 @@ def write_fused(data: Data, file: Path) -> None:
             points = points[is_return(points)].astype(np.float64)
             points = points[np.hypot(points[:, 0], points[:, 1]) < FUSED]
             pose = data.drive.poses[k]
-            (points @ pose[:3, :3].T + pose[:3, 3]).astype("<f8").tofile(out)
+            (moved_points(points, pose)).astype("<f8").tofile(out)
             count += len(points)
     head = (
         "VERSION 0.7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\n"

@@ -6,6 +6,7 @@ Every message states the name, the value, and what was expected.
 import math
 import sys
 from collections.abc import Collection
+from importlib import import_module
 from typing import Any, TypeVar, get_args
 
 from deepring.errors import ConfigError
@@ -151,6 +152,16 @@ def of_type(name: str, value: T, kind: type) -> T:
     if not isinstance(value, kind):
         raise ConfigError(f"{name}: a {type(value).__name__}, expected a {kind.__name__}")
     return value
+
+
+def installed(name: str, module: str, package: str, extra: str) -> Any:
+    """Return the module of an optional package, which ``pip install 'deepring[extra]'`` brings."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise ConfigError(
+            f"{name}: {package} is not installed, expected it; run pip install 'deepring[{extra}]'"
+        ) from error
 
 
 def is_number(value: Any) -> bool:

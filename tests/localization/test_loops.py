@@ -22,12 +22,12 @@ from deepring.localization.drives.loop_graph import Loop, LoopGraph, Track
 from deepring.localization.drives.loops import (
     LOOP_THRESHOLDS,
     LoopSettings,
-    _in_second_frame,
     find_loops,
 )
 from deepring.localization.drives.trajectory_files import kitti_lines, tum_lines
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.map import Map
+from deepring.localization.registration.pose_covariance import in_sensor_frame
 from deepring.localization.registration.refinement import RefinementSettings
 from helpers.networks import small_network
 
@@ -164,7 +164,7 @@ def test_g2o_is_what_gtsam_reads(square, tmp_path):
 def test_a_loop_is_loose_where_its_registration_is():
     """Along x of the earlier scan nothing holds; the keyframe looks along its y."""
     transform = pose_from(rotation_from_rpy(0, 0, math.pi / 2), [3, 4, 0])
-    found = _in_second_frame(np.diag([9.0, 0, 0, 0, 0, 0.04]), transform)
+    found = in_sensor_frame(np.diag([9.0, 0, 0, 0, 0, 0.04]), transform)
     np.testing.assert_allclose(np.diag(found), [0, 9, 0, 0, 0, 0.04], atol=1e-12)
     covariance = loop_covariance(Loop(3, 0, transform, 0.4, 2.0, 0.9, True, found))
     assert covariance[1, 1] == pytest.approx(9.01)

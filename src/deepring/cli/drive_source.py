@@ -6,30 +6,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.cli.notices import say_skipped, warn
-from deepring.cli.options import open_drive
-from deepring.data.inspection.recording import inspect_recording
+from deepring.cli.options import ground_in, open_drive
 from deepring.data.readers.custom import has_poses, record_custom
 from deepring.data.readers.custom.drive_file import is_drive_file
-from deepring.data.recording import (
-    Recording,
-    has_scans,
-    recorded_bag,
-    recorded_files,
-    recorded_session,
-)
-from deepring.data.scans.bag_files import is_bag
+from deepring.data.recording import Recording, is_recording, open_recording, recorded_session
 from deepring.data.session import Session
 from deepring.errors import ConfigError, FileError
 
 
 class DriveSource(NamedTuple):
-    """What the options name; either a session or a recording."""
+    """What the options name."""
 
-    session: Session | None
-    """A drive whose poses are used."""
-    recording: Recording | None
-    """Scans whose poses the odometry finds."""
+    scans: Session | Recording
+    """A drive whose poses are used, or scans whose poses the odometry finds."""
     ground_z: float
     """z of the ground in the scans' frame, metres."""
     own_poses: NDArray[np.float64] | None = None
@@ -51,14 +40,10 @@ def open_source(args: argparse.Namespace) -> DriveSource:
                     f"every: {args.every}, expected 1 for a drive with poses: its keyframes are "
                     "as far apart as --spacing says; or add --odometry"
                 )
-            return DriveSource(session, None, ground_z)
+            return DriveSource(session, ground_z)
         own = session.poses[:: args.every]
-        return DriveSource(None, recorded_session(session, args.every), ground_z, own)
-    say_skipped(recording)
-    ground_z, findings = inspect_recording(recording, args.ground_z)
-    for finding in findings:
-        warn(f"session {recording.name}: {finding}")
-    return DriveSource(None, recording, ground_z)
+        return DriveSource(recorded_session(session, args.every), ground_z, own)
+    return DriveSource(recording, ground_in(recording, args.ground_z))
 
 
 def _recording(args: argparse.Namespace) -> Recording | None:
@@ -68,12 +53,10 @@ def _recording(args: argparse.Namespace) -> Recording | None:
             f"{args.root}: no such file or folder; expected a bag, a folder of scans, a dataset "
             "or a drive.yaml"
         )
-    if is_bag(args.root):
-        return recorded_bag(args.root, args.topic, args.every)
+    if is_recording(args.root):
+        return open_recording(args.root, args.topic, args.format, args.every)
     if is_drive_file(args.root):
         if has_poses(args.root, args.session):
             return None
         return record_custom(args.root, args.session, args.every)
-    if has_scans(args.root):
-        return recorded_files(args.root, args.format, args.every)
     return None

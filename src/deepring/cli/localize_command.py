@@ -24,10 +24,10 @@ from deepring.cli.shown_scans import ShownScans
 from deepring.data.inspection.scans import expect_coordinates
 from deepring.data.readers import open_session
 from deepring.data.readers.custom.drive_file import is_drive_file
+from deepring.data.recording import recorded_session, scan_of_file
 from deepring.data.scans.bag_files import bag_scans, is_bag
 from deepring.data.scans.point_times import TimedPoints
-from deepring.data.scans.scan_files import read_scan, scan_files
-from deepring.data.session import Session
+from deepring.data.scans.scan_files import scan_files
 from deepring.errors import ConfigError, DeepringError
 from deepring.localization.location import Location
 from deepring.localization.map import Map
@@ -132,24 +132,15 @@ def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
         session = open_session("custom", file, args.session)
         say_skipped(session)
         ground_z = session.ground_z if args.ground_z is None else args.ground_z
-        stamps = [None] * len(session) if session.stamps is None else session.stamps.tolist()
-        for k in range(0, len(session), args.every):
-            read = partial(_of_drive, session, k)
-            yield Scan(session.files[k], stamps[k], read, ground_z, file, session.poses[k])
+        rows = range(0, len(session), args.every)
+        for k, scan in zip(rows, recorded_session(session, args.every), strict=True):
+            yield Scan(session.files[k], scan.stamp, scan.read, ground_z, file, session.poses[k])
     elif is_bag(file):
-        for scan in bag_scans(file, args.topic, args.every):
-            yield Scan(file, scan.stamp, scan.timed, args.ground_z, file)
+        for message in bag_scans(file, args.topic, args.every):
+            yield Scan(file, message.stamp, message.timed, args.ground_z, file)
     else:
-        read = partial(_of_file, file, args.format)
+        read = partial(scan_of_file, file, args.format)
         yield Scan(file, None, read, args.ground_z, file.parent)
-
-
-def _of_drive(session: Session, k: int) -> TimedPoints:
-    return TimedPoints(session.points(k), None)
-
-
-def _of_file(file: Path, binary: str | None) -> TimedPoints:
-    return TimedPoints(read_scan(file, binary), None)
 
 
 def _expect_refinable(place_map: Map, file: Path) -> None:

@@ -14,6 +14,7 @@ from deepring.cli.options import expect_new, network_of
 from deepring.data.left_out import LeftOut
 from deepring.data.poses.trajectory import Trajectory
 from deepring.data.poses.tum import read_tum
+from deepring.data.recording import Recording
 from deepring.io.files import cut_short, write_together
 from deepring.localization.drives.drive_result import DriveResult, Truth, result_json, truth_at
 from deepring.localization.drives.graph_files import g2o_lines, loop_lines
@@ -49,7 +50,7 @@ def loops_command(args: argparse.Namespace) -> None:
     truth = None if args.poses is None else read_tum(args.poses)
     network = network_of(args.checkpoint)
     source = open_source(args)
-    if source.recording is not None:
+    if isinstance(source.scans, Recording):
         kiss_icp()
     thresholds = AcceptanceThresholds(args.fit, args.ratio)
     track, graph = _look_back(
@@ -82,17 +83,14 @@ def _files(args: argparse.Namespace) -> dict[str, Path]:
 
 def _look_back(source: DriveSource, empty: Map, settings: LoopSettings) -> tuple[Track, LoopGraph]:
     """Poses and loops; warns of scans that are left out."""
-    left_out = LeftOut()
-    if source.session is not None:
-        with progress_bar(f"{source.session.name}: looking back") as bar:
-            graph = find_loops(source.session, empty, settings, bar, left_out)
-        track = track_of(source.session)
+    scans, left_out = source.scans, LeftOut()
+    if isinstance(scans, Recording):
+        with progress_bar(f"{scans.name}: odometry and looking back") as bar:
+            track, graph = find_loops_by_odometry(scans, empty, settings, None, bar, left_out)
     else:
-        assert source.recording is not None
-        with progress_bar(f"{source.recording.name}: odometry and looking back") as bar:
-            track, graph = find_loops_by_odometry(
-                source.recording, empty, settings, None, bar, left_out
-            )
+        with progress_bar(f"{scans.name}: looking back") as bar:
+            graph = find_loops(scans, empty, settings, bar, left_out)
+        track = track_of(scans)
     warn(str(left_out))
     return track, graph
 

@@ -1,7 +1,7 @@
 """`deepring map build`: a map of one or several drives, or of a point cloud."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -11,23 +11,21 @@ from numpy.typing import NDArray
 
 from deepring.cli.looking import expect_lookable
 from deepring.cli.map_command import look, show
-from deepring.cli.notices import say_skipped, warn
-from deepring.cli.options import expect_new, network_of, open_drive
+from deepring.cli.notices import warn
+from deepring.cli.options import expect_new, ground_in, network_of, open_drive
 from deepring.data.clouds.open_cloud import is_cloud, open_cloud
-from deepring.data.inspection.recording import inspect_recording
 from deepring.data.left_out import LeftOut
 from deepring.data.poses.path_file import read_path
 from deepring.data.poses.trajectory import Trajectory
 from deepring.data.poses.tum import read_tum
-from deepring.data.recording import Recording, has_scans, recorded_bag, recorded_files
-from deepring.data.scans.bag_files import is_bag
+from deepring.data.recording import is_recording, open_recording
 from deepring.data.session import Session
 from deepring.errors import ConfigError, DataError
 from deepring.localization.clouds.cloud_map import map_of_cloud
 from deepring.localization.clouds.virtual_scan import VirtualSensor
 from deepring.localization.map import Map
 from deepring.localization.map_building import SPACING, add_recording, add_session
-from deepring.progress import progress_bar
+from deepring.progress import Progress, progress_bar
 from deepring.search.search_settings import SearchSettings
 
 #: Options of one of the two kinds of maps alone, by their names in the parser.
@@ -41,19 +39,13 @@ _SAME_GROUND = 0.3
 class Drive(NamedTuple):
     """A drive whose places go into a map."""
 
-    scans: Session | Recording
+    name: str
     ground_z: float
     """z of the ground under the sensor in its scans' frame, metres."""
-    poses: Trajectory | None
-    """Of a recording."""
-
-    @property
-    def path(self) -> NDArray[np.float64]:
-        """(n, 3) positions, metres."""
-        if isinstance(self.scans, Session):
-            return self.scans.poses[:, :3, 3]
-        assert self.poses is not None
-        return self.poses.poses[:, :3, 3]
+    path: NDArray[np.float64]
+    """(n, 3) positions, metres."""
+    add: Callable[[Map, float, Progress, LeftOut], None]
+    """Adds its places, so many metres apart, to a map."""
 
 
 class Built(NamedTuple):
@@ -114,15 +106,11 @@ def _map_of_drives(args: argparse.Namespace) -> Built:
     reasons: list[str] = []
     for drive in drives:
         left_out = LeftOut()
-        with progress_bar(f"{drive.scans.name}: describing places") as bar:
-            if isinstance(drive.scans, Session):
-                add_session(place_map, drive.scans, spacing, bar, left_out)
-            else:
-                assert drive.poses is not None
-                add_recording(place_map, drive.scans, drive.poses, spacing, bar, left_out)
+        with progress_bar(f"{drive.name}: describing places") as bar:
+            drive.add(place_map, spacing, bar, left_out)
         warn(str(left_out))
         reasons += left_out.reasons
-    names = ", ".join(drive.scans.name for drive in drives)
+    names = ", ".join(drive.name for drive in drives)
     place_map.source = f"drive {names}" if len(drives) == 1 else f"drives {names}"
     return Built(place_map, [drive.path for drive in drives], reasons)
 
@@ -135,7 +123,7 @@ def _drives(args: argparse.Namespace) -> list[Drive]:
             "--session: given with several folders, expected one folder; a drive.yaml that holds a "
             "single session names it"
         )
-    recordings = [root for root in args.roots if is_bag(root) or has_scans(root)]
+    recordings = [root for root in args.roots if is_recording(root)]
     poses = dict(zip(recordings, _poses(recordings, args.poses or []), strict=True))
     drives = []
     for root in args.roots:
@@ -144,7 +132,7 @@ def _drives(args: argparse.Namespace) -> list[Drive]:
             continue
         for session in sessions:
             one = argparse.Namespace(**{**vars(args), "root": root, "session": session})
-            drives.append(Drive(*open_drive(one), None))
+            drives.append(_of_session(*open_drive(one)))
     return drives
 
 
@@ -158,16 +146,21 @@ def _poses(recordings: Sequence[Path], files: Sequence[Path]) -> list[Trajectory
     return [read_tum(file) for file in files]
 
 
+def _of_session(session: Session, ground_z: float) -> Drive:
+    def add(to: Map, spacing: float, progress: Progress, left_out: LeftOut) -> None:
+        add_session(to, session, spacing, progress, left_out)
+
+    return Drive(session.name, ground_z, session.poses[:, :3, 3], add)
+
+
 def _recorded(root: Path, poses: Trajectory, args: argparse.Namespace) -> Drive:
-    if is_bag(root):
-        recording = recorded_bag(root, args.topic)
-    else:
-        recording = recorded_files(root, args.format)
-    say_skipped(recording)
-    ground_z, findings = inspect_recording(recording, args.ground_z)
-    for finding in findings:
-        warn(f"session {recording.name}: {finding}")
-    return Drive(recording, ground_z, poses)
+    recording = open_recording(root, args.topic, args.format)
+    ground_z = ground_in(recording, args.ground_z)
+
+    def add(to: Map, spacing: float, progress: Progress, left_out: LeftOut) -> None:
+        add_recording(to, recording, poses, spacing, progress, left_out)
+
+    return Drive(recording.name, ground_z, poses.poses[:, :3, 3], add)
 
 
 def _common_ground(drives: Sequence[Drive]) -> float:
@@ -175,8 +168,8 @@ def _common_ground(drives: Sequence[Drive]) -> float:
     for drive in drives[1:]:
         if abs(drive.ground_z - first) > _SAME_GROUND:
             raise DataError(
-                f"drives: the ground is at z = {first:g} m in the scans of {drives[0].scans.name}, "
-                f"and at {drive.ground_z:g} m in those of {drive.scans.name}; expected sensors at "
+                f"drives: the ground is at z = {first:g} m in the scans of {drives[0].name}, "
+                f"and at {drive.ground_z:g} m in those of {drive.name}; expected sensors at "
                 "one height: build a map of each and put them together with `deepring map merge`"
             )
     return first

@@ -13,6 +13,7 @@ from deepring.errors import DataError, FileError
 from deepring.io.files import part_of
 
 if TYPE_CHECKING:
+    from deepring.data.recording import Recording
     from deepring.data.session import Session
     from deepring.methods.deepring import DeepRing
 
@@ -102,6 +103,20 @@ def open_drive(args: argparse.Namespace) -> "tuple[Session, float]":
     for finding in expect_usable(session, ground_z):
         warn(f"session {session.name}: {finding}")
     return session, ground_z
+
+
+def ground_in(recording: "Recording", ground_z: float | None) -> float:
+    """z of the ground in the scans of a recording, as the option says it or the scans show it.
+
+    Warns of what is left out and of what is doubtful. Raises DataError for an unusable recording.
+    """
+    from deepring.data.inspection.recording import inspect_recording
+
+    say_skipped(recording)
+    ground_z, findings = inspect_recording(recording, ground_z)
+    for finding in findings:
+        warn(f"session {recording.name}: {finding}")
+    return ground_z
 
 
 def network_of(checkpoint: str) -> "DeepRing":

@@ -1,12 +1,14 @@
 """The rotations and translations of Eq. 2 and 3: matrices, poses, planar yaw; float64."""
 
 import math
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float, Float64
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
+Angle = TypeVar("Angle", float, FloatArray)
 
 #: NED (x forward, y right, z down) to x forward, y left, z up: both y and z change sign.
 #: Flipping z alone would make a left-handed frame, in which yaw turns the wrong way.
@@ -46,6 +48,27 @@ def pose_from(rotation: ArrayLike, translation: ArrayLike) -> Float64[np.ndarray
     return pose
 
 
+def planar_pose(x: float, y: float, yaw: float, z: float = 0.0) -> Float64[np.ndarray, "4 4"]:
+    """The level pose (4, 4) of a position, metres, and a heading, radians.
+
+    >>> planar_pose(4, 5, np.pi / 2).round(3)[:2]
+    array([[ 0., -1.,  0.,  4.],
+           [ 1.,  0.,  0.,  5.]])
+    """
+    return pose_from(rotation_from_rpy(0.0, 0.0, yaw), [x, y, z])
+
+
+def moved_points(
+    points: Float[np.ndarray, "n 3"], pose: Float64[np.ndarray, "4 4"]
+) -> Float64[np.ndarray, "n 3"]:
+    """Points (n, 3) of the frame of a pose, in the frame that the pose is in.
+
+    >>> moved_points(np.array([[1.0, 0.0, 7.0]]), planar_pose(4, 5, np.pi / 2)).round(3)
+    array([[4., 6., 7.]])
+    """
+    return np.asarray(points @ pose[:3, :3].T + pose[:3, 3])
+
+
 def yaw_of(pose: ArrayLike) -> Float64[np.ndarray, "*n"]:
     """Counter-clockwise yaw (rad) of poses (..., 4, 4) or rotations (..., 3, 3).
 
@@ -56,8 +79,8 @@ def yaw_of(pose: ArrayLike) -> Float64[np.ndarray, "*n"]:
     return np.asarray(np.arctan2(pose[..., 1, 0], pose[..., 0, 0]))
 
 
-def wrap_angle(angle: float) -> float:
-    """The same angle in [-π, π), radians.
+def wrap_angle(angle: Angle) -> Angle:
+    """The same angle, or angles (n,), in [-π, π), radians.
 
     >>> round(wrap_angle(1.5 * math.pi) / math.pi, 3)
     -0.5

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from deepring.data.poses.stamps import stamps_in_names
 from deepring.data.readers import binary_formats
-from deepring.data.scans.bag_files import bag_length, bag_scans
+from deepring.data.scans.bag_files import bag_length, bag_scans, is_bag
 from deepring.data.scans.names import ending_of, files_with
 from deepring.data.scans.point_times import TimedPoints
 from deepring.data.scans.scan_files import SCANS, read_scan
@@ -46,6 +46,20 @@ class Recording:
         return self.count
 
 
+def is_recording(path: Path) -> bool:
+    """Whether a path is a bag, or a folder that itself holds scan files, unlike a dataset's."""
+    return is_bag(path) or (path.is_dir() and bool(files_with(path, SCANS)))
+
+
+def open_recording(
+    path: Path, topic: str | None = None, binary: str | None = None, every: int = 1
+) -> Recording:
+    """The recording of a path of which `is_recording` is true; see the two below."""
+    if is_bag(path):
+        return recorded_bag(path, topic, every)
+    return recorded_files(path, binary, every)
+
+
 def recorded_bag(path: Path, topic: str | None = None, every: int = 1) -> Recording:
     """The point clouds of a bag; see `bag_scans`, also for the errors.
 
@@ -76,7 +90,7 @@ def recorded_files(folder: Path, binary: str | None = None, every: int = 1) -> R
 
     def scans() -> Iterator[RecordedScan]:
         for file, stamp in list(zip(files, times, strict=True))[::every]:
-            yield RecordedScan(file.name, stamp, partial(_file, file, binary))
+            yield RecordedScan(file.name, stamp, partial(scan_of_file, file, binary))
 
     return Recording(folder.name, -(-len(files) // every), scans, ground_z)
 
@@ -94,12 +108,8 @@ def recorded_session(session: Session, every: int = 1) -> Recording:
     )
 
 
-def has_scans(folder: Path) -> bool:
-    """Whether a folder itself holds scan files, unlike one of a dataset's layout."""
-    return folder.is_dir() and bool(files_with(folder, SCANS))
-
-
-def _file(file: Path, binary: str | None) -> TimedPoints:
+def scan_of_file(file: Path, binary: str | None) -> TimedPoints:
+    """The scan of a file, whose points have no times; see `read_scan`."""
     return TimedPoints(read_scan(file, binary), None)
 
 

@@ -29,7 +29,7 @@ def sample_by_distance(positions: Positions, spacing: float, mask: NDArray[np.bo
 
 
 def path_lengths(positions: Positions) -> Positions:
-    """Path length (n,), metres, up to each of (n, 2) positions."""
+    """Path length (n,), metres, up to each of (n, 2) or (n, 3) positions."""
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])[: len(positions)]
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring import checks
+from deepring.core.rigid import moved_points
 from deepring.data.scans.point_times import TimedPoints
 from deepring.data.session import Points
 from deepring.localization.drives.odometry import Odometry, OdometrySettings
@@ -51,7 +52,10 @@ class Accumulator:
         """
         step = self._odometry.register(scan, stamp)
         world_from_scan, points = step.pose, step.points
-        before = [_moved(past, np.linalg.inv(world_from_scan) @ pose) for pose, past in self._past]
+        before = [
+            moved_points(past, np.linalg.inv(world_from_scan) @ pose).astype(np.float32)
+            for pose, past in self._past
+        ]
         if before and _overlap(points, np.concatenate(before)) < OVERLAP:
             self.interruptions += 1
             self._odometry = Odometry(_ODOMETRY)
@@ -60,12 +64,6 @@ class Accumulator:
             world_from_scan = self._odometry.register(scan, stamp).pose
         self._past.append((world_from_scan, points))
         return np.concatenate([*before, points])
-
-
-def _moved(points: Points, pose: NDArray[np.float64]) -> Points:
-    """Points (n, 3) float32 in another frame, which ``pose`` (4, 4) leads to."""
-    moved: Points = (points @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32)
-    return moved
 
 
 def _overlap(points: Points, others: Points) -> float:

@@ -93,8 +93,8 @@ def _agreeing(
 ) -> NDArray[np.bool_]:
     expected = frame.applied(poses)
     away = np.linalg.norm(expected[:, :2] - located[:, :2], axis=1)
-    turned = (expected[:, 2] - located[:, 2] + math.pi) % (2 * math.pi) - math.pi
-    return (away < metres) & (np.abs(turned) < RADIANS)
+    turned = np.abs(wrap_angle(expected[:, 2] - located[:, 2]))
+    return (away < metres) & (turned < RADIANS)
 
 
 def _least_squares(poses: NDArray[np.float64], located: NDArray[np.float64]) -> PlanarFrame:

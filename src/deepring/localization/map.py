@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring import checks
@@ -19,16 +18,14 @@ from deepring.localization.given import given_list, given_names, given_path, giv
 from deepring.localization.location import AcceptanceThresholds, Location, best_fit, ratio_of
 from deepring.localization.map_file import FORMAT, MapHeader, expect_fitting, prefixed, under
 from deepring.localization.observation import Observation, described, observed, occupancy
-from deepring.localization.place_points import PlacePoints, thinned_points
+from deepring.localization.place_points import PlacePoints, given_points
 from deepring.localization.place_store import PlaceStore
 from deepring.localization.refined_pose import RefinedPose, refined_pose
 from deepring.localization.registration.refinement import RefinementSettings
 from deepring.localization.rivals import fit_elsewhere
-from deepring.localization.scan_points import scan_points
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import describe_network, make_network, weights_of
 from deepring.rasters import BevRaster
-from deepring.search.block_store import axis_of
 from deepring.search.correlation_index import CorrelationIndex
 from deepring.search.search_settings import SearchSettings
 
@@ -171,7 +168,7 @@ class Map:
         scans = self._observed(scans)
         count = len(scans.images)
         poses, names = given_poses(poses, count), given_names(names, count)
-        thinned = [] if self.points is None else _thinned(points, count)
+        thinned = [] if self.points is None else given_points(points, count)
         with self.all_or_nothing():
             self.places.add(scans.images, poses, names)
             self.index.add(scans.descriptors)
@@ -251,13 +248,8 @@ class Map:
     def save(self, path: Path | str) -> None:
         """Write the map, whole or not at all. A map that is there is replaced."""
         path = given_path(path)
-        blocks = self.index.places.blocks()
-        rows = {
-            name: torch.cat([block[name] for block in blocks], dim=axis_of(name))
-            for name in (blocks[0] if blocks else ())
-        }
         code = self.index.code
-        tensors = self.places.tensors() | prefixed("index.", rows)
+        tensors = self.places.tensors() | prefixed("index.", self.index.tensors())
         tensors |= prefixed("network.", weights_of(self.network))
         if code is not None:
             tensors |= {"code.basis": code.basis, "code.step": code.step}
@@ -301,13 +293,3 @@ class Map:
                     f"index: {len(place_map.index)} places, expected {len(place_map)}, one per name"
                 )
         return place_map
-
-
-def _thinned(points: Iterable[Any] | None, count: int) -> list[NDArray[np.int16]]:
-    """The points that a map keeps of each of ``count`` scans. Raises DataError for other scans."""
-    if points is None:
-        raise DataError("points: None, expected those of each scan: this map keeps them")
-    scans = given_list("points", points, "scans (n, 3)")
-    if len(scans) != count:
-        raise DataError(f"points: {len(scans)} scans, expected {count}, one for each place")
-    return [thinned_points(scan_points(f"points[{k}]", scan)) for k, scan in enumerate(scans)]

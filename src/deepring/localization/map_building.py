@@ -25,11 +25,16 @@ SPACING = 10.0
 TOLERANCE_S = 0.1
 
 
-class _Place(NamedTuple):
+class SeenPlace(NamedTuple):
+    """A place that is going to be added to a map."""
+
     name: str
-    pose: NDArray[np.float64]  # (4, 4) world <- scan
+    pose: NDArray[np.float64]
+    """(4, 4) world <- scan, metres."""
     image: NDArray[np.bool_]
-    points: Points | None  # of a map that keeps them
+    """(n, n) occupancy from above."""
+    points: Points | None
+    """(n, 3) metres in the scan's frame; None for a map that keeps none."""
 
 
 def build_map(
@@ -82,12 +87,12 @@ def add_session(
     checks.of_type("place_map", place_map, Map)
     checks.of_type("session", session, Session)
 
-    def see(k: int) -> _Place:
+    def see(k: int) -> SeenPlace:
         file = session.files[k]
-        return _place(place_map, file.name, str(file), session.poses[k], session.points(k))
+        return seen_place(place_map, file.name, str(file), session.poses[k], session.points(k))
 
     places = usable_scans(session, spacing, see, left_out, progress)
-    _add(place_map, (place for _, place in places))
+    add_places(place_map, (place for _, place in places))
 
 
 def add_recording(
@@ -116,7 +121,7 @@ def add_recording(
     checks.at_least("spacing", spacing, 0, "metres")
     counted = LeftOut() if left_out is None else left_out
     counted.what, counted.total = f"recording {recording.name}", len(recording)
-    _add(place_map, _recorded(place_map, recording, trajectory, spacing, progress, counted))
+    add_places(place_map, _recorded(place_map, recording, trajectory, spacing, progress, counted))
 
 
 def _recorded(
@@ -126,7 +131,7 @@ def _recorded(
     spacing: float,
     progress: Progress | None,
     left_out: LeftOut,
-) -> Iterator[_Place]:
+) -> Iterator[SeenPlace]:
     last: NDArray[np.float64] | None = None
     done = known = 0
     damage: list[str] = []
@@ -146,7 +151,7 @@ def _recorded(
         if last is not None and spacing and np.hypot(*(pose[:2, 3] - last)) <= spacing:
             continue
         try:
-            place = _place(place_map, scan.name, scan.name, pose, scan.read().points)
+            place = seen_place(place_map, scan.name, scan.name, pose, scan.read().points)
         except BrokenScanError as error:
             left_out.add(str(error))
             continue
@@ -161,14 +166,16 @@ def _recorded(
         )
 
 
-def _place(
+def seen_place(
     place_map: Map, name: str, source: str, pose: NDArray[np.float64], points: Points
-) -> _Place:
+) -> SeenPlace:
+    """What a map keeps of a scan, which ``source`` names. Raises BrokenScanError as `occupancy`."""
     image = occupancy(source, points, place_map.ground_z, place_map.raster)
-    return _Place(name, pose, image, None if place_map.points is None else points)
+    return SeenPlace(name, pose, image, None if place_map.points is None else points)
 
 
-def _add(place_map: Map, places: Iterator[_Place]) -> None:
+def add_places(place_map: Map, places: Iterator[SeenPlace]) -> None:
+    """Describe places and add them to a map, all or none."""
     with place_map.all_or_nothing():
         while batch := list(islice(places, BATCH)):
             names, poses, images, points = zip(*batch, strict=True)

@@ -7,7 +7,7 @@ import torch
 from numpy.typing import NDArray
 
 from deepring import checks
-from deepring.core.rigid import pose_from, rotation_from_rpy
+from deepring.core.rigid import planar_pose
 from deepring.errors import DataError
 from deepring.localization.common_frame import common_frame
 from deepring.localization.map import BATCH, Map
@@ -72,7 +72,7 @@ def find_frame(first: Map, second: Map, progress: Progress | None = None) -> Fou
     expected = frame.applied(planar[rows][agree])
     z = float(np.median(np.array(grounds)[agree]))
     return FoundFrame(
-        pose_from(rotation_from_rpy(0.0, 0.0, frame.yaw), [frame.x, frame.y, z]),
+        planar_pose(frame.x, frame.y, frame.yaw, z),
         len(places),
         len(rows),
         int(agree.sum()),
@@ -112,7 +112,9 @@ def merged(
         for start in range(0, len(source), BATCH):
             part = np.arange(start, min(start + BATCH, len(source)))
             names = [before + source.places.names[k] for k in part]
-            clouds = [_lowered(source, int(k), lift[2, 3]) for k in part] if points else None
+            clouds = None
+            if points and source.points is not None:
+                clouds = [_lowered(source.points.of(int(k)), lift[2, 3]) for k in part]
             both.add_observation(_seen(first, source, part), poses[part], names, clouds)
             if progress is not None:
                 progress(len(both), total)
@@ -125,7 +127,6 @@ def _seen(first: Map, source: Map, places: NDArray[np.int64]) -> Observation:
     return described(first.network, images)
 
 
-def _lowered(source: Map, place: int, lift: float) -> NDArray[np.float32]:
-    """Points of a place, seen from ``lift`` metres further up."""
-    assert source.points is not None
-    return source.points.of(place) - np.array([0.0, 0.0, lift], dtype=np.float32)
+def _lowered(points: NDArray[np.float32], lift: float) -> NDArray[np.float32]:
+    """Points (n, 3), seen from ``lift`` metres further up."""
+    return points - np.array([0.0, 0.0, lift], dtype=np.float32)

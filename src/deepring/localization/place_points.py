@@ -1,6 +1,7 @@
 """Points of the places of a map, on which a scan is registered."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -8,6 +9,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring.errors import DataError
+from deepring.localization.given import given_list
+from deepring.localization.scan_points import scan_points
 from deepring.rasters.downsample import voxel_means
 
 #: Side of a voxel, metres; a place keeps one point per voxel, the mean of those in it.
@@ -76,6 +79,19 @@ class PlacePoints:
         points = cls()
         points.add(np.split(xyz, np.cumsum(counts)[:-1]) if places else [])
         return points
+
+
+def given_points(points: Any, count: int) -> list[NDArray[np.int16]]:
+    """What a map keeps of the points of ``count`` scans that a caller gives, one for each place.
+
+    Raises DataError for anything else.
+    """
+    if points is None:
+        raise DataError("points: None, expected those of each scan: this map keeps them")
+    scans = given_list("points", points, "scans (n, 3)")
+    if len(scans) != count:
+        raise DataError(f"points: {len(scans)} scans, expected {count}, one for each place")
+    return [thinned_points(scan_points(f"points[{k}]", scan)) for k, scan in enumerate(scans)]
 
 
 def thinned_points(points: NDArray[np.float32]) -> NDArray[np.int16]:

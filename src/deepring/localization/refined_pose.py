@@ -8,9 +8,10 @@ import numpy as np
 import torch
 
 from deepring import checks
-from deepring.core.rigid import FloatArray, pose_from, rotation_from_rpy
+from deepring.core.rigid import FloatArray, moved_points, planar_pose, yaw_of
 from deepring.errors import DataError
 from deepring.localization.location import Location
+from deepring.localization.place_points import PlacePoints
 from deepring.localization.registration.pose_covariance import direction_name, turned
 from deepring.localization.registration.refinement import RefinementSettings, register, settled
 from deepring.localization.scan_points import scan_points
@@ -67,7 +68,7 @@ class RefinedPose:
     def roll_pitch_yaw(self) -> tuple[float, float, float]:
         """Radians: the rotation is Rz(yaw) Ry(pitch) Rx(roll)."""
         r = self.pose[:3, :3]
-        roll, yaw = math.atan2(r[2, 1], r[2, 2]), math.atan2(r[1, 0], r[0, 0])
+        roll, yaw = math.atan2(r[2, 1], r[2, 2]), float(yaw_of(r))
         return roll, -math.asin(min(1.0, max(-1.0, float(r[2, 0])))), yaw
 
     @property
@@ -84,8 +85,7 @@ def refined_pose(
     settings: RefinementSettings,
 ) -> RefinedPose:
     """Register a scan on the points of a map; see `Map.refine`."""
-    expect_points(place_map)
-    assert place_map.points is not None
+    kept = _points_of(place_map)
     scan = scan_points("scan", points).astype(np.float64)
     ground_z = place_map.ground_z if ground_z is None else checks.number("ground_z", ground_z)
     near = _places_around(place_map, location)
@@ -95,7 +95,7 @@ def refined_pose(
     start = np.linalg.inv(anchor) @ _start(anchor, location, place_map.ground_z - ground_z)
     shared = []
     for place, pose in zip(near.tolist(), np.linalg.inv(anchor) @ poses, strict=True):
-        shared.append(place_map.points.of(place) @ pose[:3, :3].T + pose[:3, 3])
+        shared.append(moved_points(kept.of(place), pose))
     reference = np.concatenate(shared)
     if not len(reference):
         raise DataError(
@@ -113,10 +113,11 @@ def refined_pose(
     )
 
 
-def expect_points(place_map: "Map") -> None:
-    """Raise DataError for a map without its places' points."""
+def _points_of(place_map: "Map") -> PlacePoints:
+    """The points of a map's places. Raises DataError for a map without them."""
     if place_map.points is None:
         raise DataError("map: holds no points to register on; expected them; build it with points")
+    return place_map.points
 
 
 def _places_around(place_map: "Map", location: Location) -> np.ndarray[Any, np.dtype[np.int64]]:
@@ -130,9 +131,8 @@ def _places_around(place_map: "Map", location: Location) -> np.ndarray[Any, np.d
 
 def _start(place: FloatArray, location: Location, higher: float) -> FloatArray:
     """World <- scan (4, 4): the place's height and tilt, moved and turned along its ground."""
-    yaw = math.atan2(place[1, 0], place[0, 0])
-    level = pose_from(rotation_from_rpy(0, 0, yaw), [place[0, 3], place[1, 3], 0.0])
-    there = pose_from(rotation_from_rpy(0, 0, location.yaw), [location.x, location.y, 0.0])
+    level = planar_pose(place[0, 3], place[1, 3], float(yaw_of(place)))
+    there = planar_pose(location.x, location.y, location.yaw)
     start = place @ np.linalg.inv(level) @ there
     start[:3, 3] += higher * place[:3, 2]
     return np.asarray(start)

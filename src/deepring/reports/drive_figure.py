@@ -66,19 +66,17 @@ def _draw(
         axes.plot(x, y, color=_TRUTH, linewidth=4, label=label("true poses"))
     colour = _AFTER if name == "optimized" else _BEFORE
     keyframes = positions[result.graph.scans]
-    for k, part in enumerate(np.split(positions, result.graph.scans[list(result.graph.breaks)])):
+    for k, part in enumerate(result.parts(positions)):
         name_once = label("trajectory") if k == 0 else "_"
         axes.plot(*part.T, color=colour, linewidth=1.2, label=name_once)
     if result.graph.breaks:
         lost = keyframes[list(result.graph.breaks)].T
         axes.plot(*lost, "D", color=MISS, markersize=6, label=label("odometry lost"))
-    kept = {id(loop) for loop in result.kept}
-    for accepted, tone, words in ((True, HIT, "loops"), (False, MISS, "loops rejected")):
-        pairs = [
-            keyframes[[loop.earlier, loop.keyframe]]
-            for loop in result.graph.loops
-            if (id(loop) in kept) is accepted
-        ]
+    for loops, tone, words in (
+        (result.kept, HIT, "loops"),
+        (result.rejected, MISS, "loops rejected"),
+    ):
+        pairs = [keyframes[[loop.earlier, loop.keyframe]] for loop in loops]
         if pairs:
             lines = LineCollection(pairs, colors=tone, linewidths=1.0, alpha=0.8)
             lines.set_label(label(f"{words} ({len(pairs)})"))

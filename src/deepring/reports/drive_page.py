@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from deepring.data.spacing import path_lengths
 from deepring.localization.drives.drive_result import DriveResult, TrajectoryErrors
 from deepring.reports.drive_figure import drive_figure
 from deepring.reports.html import (
@@ -58,10 +59,9 @@ def drive_page(result: DriveResult) -> str:
 def summary_rows(result: DriveResult) -> list[tuple[str, str]]:
     """What was found, as names and values."""
     track, graph = result.track, result.graph
-    length = float(np.linalg.norm(np.diff(track.poses[:, :3, 3], axis=0), axis=1).sum())
     rows = [
         ("scans", str(len(track.scans))),
-        ("path", f"{length:.0f} m"),
+        ("path", f"{path_lengths(track.poses[:, :3, 3])[-1]:.0f} m"),
         ("poses", "odometry by KISS-ICP" if track.by_odometry else "the drive's own"),
         ("ground", f"{result.ground_z:.2f} m in the scans' frame"),
         ("keyframes", str(len(graph.scans))),
@@ -73,7 +73,7 @@ def summary_rows(result: DriveResult) -> list[tuple[str, str]]:
     if any(loop.inliers is not None for loop in graph.loops):
         rows.append(("refined", str(sum(loop.refined for loop in graph.loops))))
     if result.optimized is not None:
-        rows.append(("rejected", str(len(graph.loops) - len(result.kept))))
+        rows.append(("rejected", str(len(result.rejected))))
     return rows
 
 
@@ -98,7 +98,7 @@ def _errors_table(errors: dict[str, TrajectoryErrors]) -> str:
 
 
 def _loops_table(result: DriveResult) -> str:
-    kept = {id(loop) for loop in result.kept}
+    rejected = {id(loop) for loop in result.rejected}
     names, rows = result.track.names, result.graph.scans
     head = ("scan", "sees", "x m", "y m", "yaw °", "fit", "inliers", "accepted")
     return long_table(
@@ -112,7 +112,7 @@ def _loops_table(result: DriveResult) -> str:
                 f"{np.degrees(loop.yaw):.1f}",
                 f"{loop.fit:.2f}",
                 "" if loop.inliers is None else f"{loop.inliers:.0%}",
-                "" if result.optimized is None else "yes" if id(loop) in kept else "no",
+                "" if result.optimized is None else "no" if id(loop) in rejected else "yes",
             )
             for loop in result.graph.loops[:_LISTED]
         ),

@@ -3,7 +3,6 @@
 import numpy as np
 
 from deepring.localization.drives.drive_result import DriveResult
-from deepring.localization.drives.loop_graph import Loop
 from deepring.reports.round_origin import round_origin
 from deepring.reports.scene import BLUE, GREEN, GREY, PURPLE, RED, Lines, Points, Scene, on_screen
 
@@ -18,19 +17,17 @@ def drive_scene(result: DriveResult) -> Scene:
     if result.truth is not None:
         true = result.truth.poses[result.truth.known][:, :3, 3]
         shapes.append(Lines("true_poses", [true], GREY, on_screen(3.0)))
-    kept = {id(loop) for loop in result.kept}
     for name, positions in drawn.items():
-        parts = np.split(positions, result.graph.scans[list(result.graph.breaks)])
+        parts = result.parts(positions)
         shapes.append(Lines(f"{name}/trajectory", parts, _COLOURS[name], on_screen(1.5)))
         keyframes = positions[result.graph.scans]
         names = [result.track.names[row] for row in result.graph.scans]
         shapes.append(Points(f"{name}/keyframes", keyframes, _COLOURS[name], on_screen(2.5), names))
-
-        def joined(loop: Loop, at: np.ndarray = keyframes) -> np.ndarray:
-            return at[[loop.earlier, loop.keyframe]]
-
-        for accepted, colour, words in ((True, GREEN, "loops"), (False, RED, "loops_rejected")):
-            strips = [joined(one) for one in result.graph.loops if (id(one) in kept) is accepted]
+        for loops, colour, words in (
+            (result.kept, GREEN, "loops"),
+            (result.rejected, RED, "loops_rejected"),
+        ):
+            strips = [keyframes[[loop.earlier, loop.keyframe]] for loop in loops]
             if strips:
                 shapes.append(Lines(f"{name}/{words}", strips, colour, on_screen(1.0)))
     every = np.concatenate(list(drawn.values()))

@@ -87,11 +87,12 @@ def long_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return f'<div class="long">{table(head, rows)}</div>'
 
 
-def bullets(lines: Iterable[str]) -> str:
-    """A list of lines of plain text."""
-    return (
-        '<ul class="long">\n' + "\n".join(f"<li>{_text(line)}</li>" for line in lines) + "\n</ul>"
-    )
+def bullets(lines: Sequence[str], most: int | None = None) -> str:
+    """A list of lines of plain text; of more than ``most`` it says how many there are besides."""
+    listed = "\n".join(f"<li>{_text(line)}</li>" for line in lines[:most])
+    rest = 0 if most is None else len(lines) - most
+    more = f"\n{paragraph(f'And {rest} more.')}" if rest > 0 else ""
+    return f'<ul class="long">\n{listed}\n</ul>{more}'
 
 
 def pictures_in_rows(pictures: Iterable[str], *, wide: bool = False) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.core.rigid import rotation_from_rpy
+from deepring.core.rigid import planar_pose, rotation_from_rpy
 from deepring.localization.location import Location
 from deepring.localization.map import Map
 
@@ -34,10 +34,8 @@ def located_pose(scan: LocatedScan, place_map: Map) -> NDArray[np.float64]:
         return scan.refined
     found = scan.location
     place = place_map.places.poses[found.place]
-    pose = np.eye(4)
-    pose[:3, :3] = rotation_from_rpy(0.0, 0.0, found.yaw)
-    pose[:3, 3] = found.x, found.y, place[2, 3] + place_map.ground_z - scan.ground_z
-    return pose
+    height = place[2, 3] + place_map.ground_z - scan.ground_z
+    return planar_pose(found.x, found.y, found.yaw, height)
 
 
 def cell_centres(image: NDArray[np.bool_], extent: float) -> NDArray[np.float64]:

@@ -70,9 +70,7 @@ def locations_page(
     if len(place_map):
         parts.append(picture(_figure(place_map, scans, wrong), "Located scans from above"))
     if refused:
-        parts += [heading("Refused"), bullets(refused[:_REASONS])]
-        if len(refused) > _REASONS:
-            parts.append(paragraph(f"And {len(refused) - _REASONS} more."))
+        parts += [heading("Refused"), bullets(refused, _REASONS)]
     if truth:
         parts += _errors(trials, truth)
     if scans:
@@ -166,7 +164,11 @@ def _errors(trials: LocalizationTrials, truth: Sequence[LocatedScan]) -> Iterato
     rows = [
         (name, *_spread(trials.metres[of], trials.degrees[of], tolerance)) for name, of in kinds
     ]
-    refined = [_refined_errors(scan) for scan in truth if scan.refined is not None]
+    refined = [
+        _pose_errors(scan.refined, scan.pose)
+        for scan in truth
+        if scan.refined is not None and scan.pose is not None
+    ]
     if refined:
         metres, degrees = np.array(refined).T
         rows.append(("refined", *_spread(metres, degrees, tolerance)))
@@ -190,12 +192,10 @@ def _spread(
     return (*counts, *(f"{size:.2f} m" for size in sizes), f"{np.median(degrees):.2f}°")
 
 
-def _refined_errors(scan: LocatedScan) -> tuple[float, float]:
-    """Metres along the ground and degrees of heading between the refined pose and the true one."""
-    assert scan.refined is not None
-    assert scan.pose is not None
-    metres = np.hypot(*(scan.refined[:2, 3] - scan.pose[:2, 3]))
-    turn = wrap_angle(float(yaw_of(scan.refined)) - float(yaw_of(scan.pose)))
+def _pose_errors(pose: NDArray[np.float64], true: NDArray[np.float64]) -> tuple[float, float]:
+    """Metres along the ground and degrees of heading between a pose (4, 4) and the true one."""
+    metres = np.hypot(*(pose[:2, 3] - true[:2, 3]))
+    turn = wrap_angle(float(yaw_of(pose)) - float(yaw_of(true)))
     return float(metres), abs(math.degrees(turn))
 
 

@@ -42,9 +42,7 @@ def map_page(
     """
     parts = [table(("", ""), facts)]
     if left_out:
-        parts += [heading("Left out"), bullets(left_out[:_REASONS])]
-        if len(left_out) > _REASONS:
-            parts.append(paragraph(f"And {len(left_out) - _REASONS} more."))
+        parts += [heading("Left out"), bullets(left_out, _REASONS)]
     parts.append(heading("Places"))
     if len(place_map):
         figure = places_figure(place_map.places.positions, paths)

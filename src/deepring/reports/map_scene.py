@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from deepring.core.rigid import FloatArray
+from deepring.core.rigid import FloatArray, moved_points
 from deepring.localization.map import Map
 from deepring.localization.place_points import STEP
 from deepring.reports.located_scan import LocatedScan, cell_centres, located_pose
@@ -38,7 +38,7 @@ def locations_scene(place_map: Map, scans: Sequence[LocatedScan]) -> Scene:
         label = f"{scan.name}: {scan.location.doubt or 'trusted'}"
         shapes.append(Points("scan/position", at, colour, on_screen(5.0), [label], step))
         if scan.points is not None:
-            points = _moved(scan.points.astype(np.float64) * STEP, pose)
+            points = moved_points(scan.points.astype(np.float64) * STEP, pose)
             shapes.append(Points("scan/points", points, colour, 0.08, (), step))
     for name, colour, trusted in (("trusted", GREEN, True), ("doubtful", ORANGE, False)):
         found = [
@@ -85,7 +85,7 @@ def _seen(place_map: Map, poses: FloatArray) -> Iterator[tuple[FloatArray, Float
             (image,) = place_map.places.images(torch.tensor([place])).numpy()
             cells = cell_centres(image.astype(np.bool_), place_map.raster.extent)
             points = np.column_stack([cells, np.full(len(cells), place_map.ground_z)])
-        yield _moved(points, pose), points[:, 2] - place_map.ground_z
+        yield moved_points(points, pose), points[:, 2] - place_map.ground_z
 
 
 def thinned_rows(points: FloatArray) -> NDArray[np.int64]:
@@ -96,11 +96,6 @@ def thinned_rows(points: FloatArray) -> NDArray[np.int64]:
     cells -= cells.min(axis=0)
     _, rows = np.unique(np.ravel_multi_index(cells.T, cells.max(axis=0) + 1), return_index=True)
     return np.sort(rows)
-
-
-def _moved(points: FloatArray, pose: FloatArray) -> FloatArray:
-    moved: FloatArray = points @ pose[:3, :3].T + pose[:3, 3]
-    return moved
 
 
 def _colours(heights: FloatArray) -> NDArray[np.uint8]:

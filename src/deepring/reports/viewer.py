@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from deepring import checks
 from deepring.errors import ConfigError
 from deepring.io.files import write_whole
 from deepring.reports.scene import Points, Scene
@@ -18,12 +19,7 @@ TIMELINE = "scan"
 
 def rerun() -> Any:
     """The library. Raises ConfigError if it is not installed."""
-    try:
-        import rerun as library
-    except ImportError as error:
-        raise ConfigError(
-            "view: rerun is not installed, expected it; run pip install 'deepring[view]'"
-        ) from error
+    library = checks.installed("view", "rerun", "rerun", "view")
     if not library.RecordingStream("deepring").is_enabled():
         raise ConfigError(
             "view: rerun is switched off in the environment, expected RERUN=1 or no such variable"

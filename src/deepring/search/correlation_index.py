@@ -14,7 +14,7 @@ from deepring.core.correlation import shift_to_turn
 from deepring.errors import ConfigError, DataError, FileError
 from deepring.io.sealed import open_sealed, write_sealed
 from deepring.search import exact
-from deepring.search.block_store import BlockStore
+from deepring.search.block_store import BlockStore, axis_of
 from deepring.search.code import (
     Code,
     code_scores,
@@ -201,6 +201,14 @@ class CorrelationIndex:
         with file.contents():
             index._take_code(file.tensors.get("basis"), file.tensors.get("step"))
         return index
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Rows of all places, as `restore` takes them, for a file; none without places."""
+        blocks = self.places.blocks()
+        return {
+            name: torch.cat([block[name] for block in blocks], dim=axis_of(name))
+            for name in (blocks[0] if blocks else ())
+        }
 
     def restore(
         self,

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring import checks
 from deepring.data.scans.content import ContentError
-from deepring.errors import ConfigError
 
 #: Points read at a time.
 _CHUNK = 1 << 20
@@ -49,7 +49,7 @@ def _next(chunks: Any, found: int, expected: int) -> NDArray[np.float64]:
 
 
 def _opened(path: Path) -> Any:
-    laspy = _laspy()
+    laspy = checks.installed("cloud", "laspy", "laspy", "las")
     source = path.open("rb")
     try:
         file = laspy.open(source)
@@ -74,13 +74,3 @@ def _expect_size(path: Path, header: Any) -> None:
     size = path.stat().st_size
     if size < end:
         raise ContentError(f"{size} bytes, {end} expected for the {header.point_count} points")
-
-
-def _laspy() -> Any:
-    try:
-        import laspy
-    except ImportError as error:
-        raise ConfigError(
-            "laspy is not installed; reading .las and .laz needs it: pip install 'deepring[las]'"
-        ) from error
-    return laspy

@@ -2,23 +2,22 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deepring import checks
+from deepring.core.rigid import pose_from
 from deepring.data.clouds.plausibility import expect_plausible
 from deepring.data.clouds.tiles import TiledCloud
-from deepring.data.session import Points
 from deepring.errors import BrokenScanError, DataError
 from deepring.localization.clouds.path_places import path_places
 from deepring.localization.clouds.standing_places import standing_places
 from deepring.localization.clouds.virtual_scan import VirtualSensor, virtual_scan
 from deepring.localization.map import Map
-from deepring.localization.observation import described, occupancy
+from deepring.localization.map_building import SeenPlace, add_places, seen_place
 from deepring.methods.deepring import DeepRing
 from deepring.progress import Progress, progress_bar
 
@@ -28,9 +27,6 @@ PATH_SPACING, GRID_SPACING = 10.0, 5.0
 #: A virtual scan's points cover so many of the cloud's spacings: gaps of surfaces are filled.
 COVERED = 2.0
 
-#: Places described at a time.
-_BATCH = 64
-
 
 @dataclass(frozen=True)
 class CloudMap:
@@ -39,13 +35,6 @@ class CloudMap:
     map: Map
     left_out: tuple[str, ...]
     """Why places were left out, one line for each kind."""
-
-
-class _Place(NamedTuple):
-    name: str
-    position: NDArray[np.float64]  # (3,) of the sensor
-    scan: Points
-    image: NDArray[np.bool_]
 
 
 def map_of_cloud(
@@ -81,8 +70,7 @@ def map_of_cloud(
     names, grounds = _places(cloud, sensor, spacing, apart, path, left_out)
     with progress_bar("describing places") as bar:
         places = _seen(cloud, place_map, sensor, apart, names, grounds, left_out, bar)
-        while batch := list(islice(places, _BATCH)):
-            _add(place_map, batch)
+        add_places(place_map, places)
     if not len(place_map):
         raise DataError(f"cloud {cloud.source}: no place can be used: {left_out[0]}")
     low, high = sensor.fov
@@ -128,7 +116,7 @@ def _seen(
     grounds: NDArray[np.float64],
     left_out: list[str],
     progress: Progress,
-) -> Iterator[_Place]:
+) -> Iterator[SeenPlace]:
     """What is seen from each place; those of which nothing stands out are left out."""
     blank: list[str] = []
     up = np.array([0.0, 0.0, sensor.height])
@@ -136,18 +124,9 @@ def _seen(
         position = ground + up
         scan = virtual_scan(cloud, position, COVERED * apart, sensor)
         try:
-            image = occupancy(name, scan, -sensor.height, place_map.raster)
-            yield _Place(name, position, scan, image)
+            yield seen_place(place_map, name, name, pose_from(np.eye(3), position), scan)
         except BrokenScanError as error:
             blank.append(str(error))
         progress(k + 1, len(names))
     if blank:
         left_out.append(f"{len(blank)} of {len(names)} places; first: {blank[0]}")
-
-
-def _add(place_map: Map, places: list[_Place]) -> None:
-    seen = described(place_map.network, np.stack([place.image for place in places]))
-    poses = np.tile(np.eye(4), (len(places), 1, 1))
-    poses[:, :3, 3] = [place.position for place in places]
-    scans = None if place_map.points is None else [place.scan for place in places]
-    place_map.add_observation(seen, poses, [place.name for place in places], scans)

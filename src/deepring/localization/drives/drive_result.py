@@ -59,10 +59,22 @@ class DriveResult:
     @property
     def kept(self) -> list[Loop]:
         """The loops that an optimisation accepted, or all."""
+        return self._loops(accepted=True)
+
+    @property
+    def rejected(self) -> list[Loop]:
+        """The loops that an optimisation rejected."""
+        return self._loops(accepted=False)
+
+    def _loops(self, *, accepted: bool) -> list[Loop]:
         if self.optimized is None:
-            return self.graph.loops
+            return self.graph.loops if accepted else []
         pairs = zip(self.graph.loops, self.optimized.accepted, strict=True)
-        return [loop for loop, accepted in pairs if accepted]
+        return [loop for loop, one in pairs if bool(one) is accepted]
+
+    def parts(self, positions: Poses) -> list[Poses]:
+        """Positions (n, d) of all scans, cut where the odometry was lost."""
+        return np.split(positions, self.graph.scans[list(self.graph.breaks)])
 
     def trajectories(self) -> dict[str, Poses]:
         """Poses (n, 4, 4) of all scans, by name: ``odometry`` and ``optimized``."""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from deepring.localization.drives.loop_graph import Loop, LoopGraph
 
 #: Standard deviations of an odometry edge of one metre, metres and degrees; the variances grow with
-#: the length, as of independent steps. `benchmarks/trajectory.py` prints those of drives: 0.02 m and
-#: 0.04° for its simulated drift; more, now and then, for KISS-ICP on scans 2 m apart.
+#: the length, as of independent steps. `benchmarks/trajectory.py` prints those of drives: 0.02 m
+#: and 0.04° for its simulated drift; more, now and then, for KISS-ICP on scans 2 m apart.
 ODOMETRY = (0.03, 0.1)
 #: Metres. Shorter edges are no better: the registration itself is off.
 SHORTEST = 1.0

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring import checks
-from deepring.core.rigid import pose_from, rotation_from_rpy, wrap_angle, yaw_after_turn, yaw_of
+from deepring.core.rigid import planar_pose, wrap_angle, yaw_after_turn, yaw_of
 from deepring.data.left_out import LeftOut, usable_scans
 from deepring.data.session import Points, Session
 from deepring.errors import DataError
@@ -16,6 +16,7 @@ from deepring.localization.location import AcceptanceThresholds, Location
 from deepring.localization.map import Map
 from deepring.localization.observation import Observation, described, occupancy
 from deepring.localization.place_points import PlacePoints, thinned_points
+from deepring.localization.registration.pose_covariance import in_sensor_frame
 from deepring.localization.registration.refinement import RefinementSettings, refine, small_gicp
 from deepring.progress import Progress
 
@@ -152,8 +153,8 @@ def _planar_loop(keyframe: int, location: Location, pose: NDArray[np.float64]) -
     heading = float(yaw_of(pose))
     dx, dy = location.x - pose[0, 3], location.y - pose[1, 3]
     c, s = np.cos(heading), np.sin(heading)
-    rotation = rotation_from_rpy(0.0, 0.0, wrap_angle(location.yaw - heading))
-    transform = pose_from(rotation, [c * dx + s * dy, c * dy - s * dx, 0.0])
+    yaw = wrap_angle(location.yaw - heading)
+    transform = planar_pose(c * dx + s * dy, c * dy - s * dx, yaw)
     return Loop(keyframe, location.place, transform, location.fit, location.ratio)
 
 
@@ -165,15 +166,7 @@ def _refine(loop: Loop, points: Points, earlier: Points, settings: RefinementSet
         transform=result.transform,
         inliers=result.inliers,
         refined=result.converged,
-        covariance=_in_second_frame(result.covariance, result.transform)
+        covariance=in_sensor_frame(result.covariance, result.transform)
         if result.converged
         else None,
     )
-
-
-def _in_second_frame(
-    covariance: NDArray[np.float64], transform: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """A covariance (6, 6) along the axes of the earlier scan, along those of the keyframe."""
-    turn = np.kron(np.eye(2), transform[:3, :3].T)
-    return np.asarray(turn @ covariance @ turn.T)

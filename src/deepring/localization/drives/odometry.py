@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring import checks
+from deepring.core.rigid import moved_points
 from deepring.data.poses.stamps import NANOSECONDS
 from deepring.data.scans.point_times import TimedPoints
 from deepring.data.session import Points
-from deepring.errors import BrokenScanError, ConfigError
+from deepring.errors import BrokenScanError
 from deepring.localization.drives.deskewing import deskewed, motion_over
 
 #: Points that a scan needs in range. Real sensors give thousands.
@@ -150,20 +151,16 @@ def _overlap(
     if not len(near) or not len(around):
         return 0.0
     tree = KDTree(around, balanced_tree=False, compact_nodes=False)
-    distances, _ = tree.query(near @ pose[:3, :3].T + pose[:3, 3], distance_upper_bound=reach)
+    distances, _ = tree.query(moved_points(near, pose), distance_upper_bound=reach)
     return float(np.isfinite(distances).mean())
 
 
 def kiss_icp() -> Any:
     """Makes the library's odometry of `OdometrySettings`. ConfigError if it is not installed."""
-    try:
-        from kiss_icp.config import KISSConfig
-        from kiss_icp.config.config import DataConfig, MappingConfig, RegistrationConfig
-        from kiss_icp.kiss_icp import KissICP
-    except ImportError as error:
-        raise ConfigError(
-            "odometry: kiss-icp is not installed, expected it; run pip install 'deepring[odometry]'"
-        ) from error
+    checks.installed("odometry", "kiss_icp.kiss_icp", "kiss-icp", "odometry")
+    from kiss_icp.config import KISSConfig
+    from kiss_icp.config.config import DataConfig, MappingConfig, RegistrationConfig
+    from kiss_icp.kiss_icp import KissICP
 
     def make(settings: OdometrySettings) -> Any:
         config = KISSConfig(

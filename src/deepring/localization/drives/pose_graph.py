@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from deepring import checks
 from deepring.data.poses.trajectory import between
 from deepring.data.spacing import path_lengths
-from deepring.errors import ConfigError
 from deepring.localization.drives.graph_noise import loop_covariance, odometry_covariances
 from deepring.localization.drives.loop_graph import LoopGraph, Track
 
@@ -149,10 +148,4 @@ def corrected(track: Track, graph: LoopGraph, keyframes: Poses) -> Poses:
 
 def gtsam() -> Any:
     """The library. Raises ConfigError if it is not installed."""
-    try:
-        import gtsam as library
-    except ImportError as error:
-        raise ConfigError(
-            "optimize: gtsam is not installed, expected it; run pip install 'deepring[optimize]'"
-        ) from error
-    return library
+    return checks.installed("optimize", "gtsam", "gtsam", "optimize")

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from deepring import checks
 from deepring.core.arrays import real_array
-from deepring.core.rigid import FloatArray, pose_from, rotation_from_rpy, yaw_after_turn, yaw_of
+from deepring.core.rigid import FloatArray, planar_pose, yaw_after_turn, yaw_of
 from deepring.errors import ConfigError, DataError
 from deepring.localization.registration.pose_covariance import pose_uncertainty
 from deepring.localization.registration.surfaces import (
@@ -184,19 +184,12 @@ def start_of(turn: float, position: ArrayLike) -> FloatArray:
     if start.shape != (2,) or not np.isfinite(start).all():
         raise DataError(f"position: {start!r}, expected two finite numbers, x and y in metres")
     x, y = start.astype(np.float64)
-    return pose_from(rotation_from_rpy(0.0, 0.0, yaw_after_turn(0.0, turn)), [x, y, 0.0])
+    return planar_pose(x, y, yaw_after_turn(0.0, turn))
 
 
 def small_gicp() -> Any:
     """The library. Raises ConfigError if it is not installed."""
-    try:
-        import small_gicp as library
-    except ImportError as error:
-        raise ConfigError(
-            "refinement: small_gicp is not installed, expected it; run "
-            "pip install 'deepring[refine]'"
-        ) from error
-    return library
+    return checks.installed("refinement", "small_gicp", "small_gicp", "refine")
 
 
 def _near(transform: FloatArray, start: FloatArray, settings: RefinementSettings) -> bool:
