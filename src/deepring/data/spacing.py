@@ -29,7 +29,7 @@ def sample_by_distance(positions: Positions, spacing: float, mask: NDArray[np.bo
 
 
 def sample_of(count: int, most: int) -> list[int]:
-    """Up to ``most`` ascending indices below ``count``, evenly spread, with the first and the last."""
+    """Up to ``most`` indices below ``count``, spread evenly from the first to the last."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
 
 
