@@ -15,7 +15,6 @@ from deepring.data.inspection.session_scans import (
     measure_scans,
     measured_findings,
     repeated_findings,
-    sample_of,
 )
 from deepring.data.readers import binary_formats, open_session
 from deepring.data.readers.helipr import SENSORS
@@ -23,6 +22,7 @@ from deepring.data.readers.kitti import open_kitti
 from deepring.data.readers.mulran import T_BASE_LIDAR
 from deepring.data.scans.returns import scan_from
 from deepring.data.session import Session
+from deepring.data.spacing import sample_of
 from deepring.errors import BrokenScanError, DataError
 from helpers.real_data import real_data
 from helpers.wrong_scans import DOUBTED, NAMED, WRONG, rows, whole_records, write_wrong

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from deepring.data.clouds.voxels import first_rows
 from deepring.localization.place_points import thinned_points
 from deepring.localization.scan_points import scan_points
 from deepring.reports.drive_scene import drive_scene
-from deepring.reports.map_scene import locations_scene, map_scene, thinned_rows
+from deepring.reports.map_scene import locations_scene, map_scene
 from deepring.reports.scene import GREEN, ORANGE, Lines, Points
 from helpers.drive_results import N, result
 from helpers.scenes import scattered
@@ -80,8 +81,8 @@ def test_located_scans_are_points_in_the_world_coloured_by_trust():
 
 def test_one_point_stays_of_each_voxel():
     points = np.array([[-0.1, 0, 0], [0.1, 0, 0], [0.4, 0.4, 0.4], [0.6, 0, 0]])
-    assert thinned_rows(points).tolist() == [0, 1, 3]
-    assert thinned_rows(points[:0]).tolist() == []
+    assert first_rows(points, 0.5).tolist() == [0, 1, 3]
+    assert first_rows(points[:0], 0.5).tolist() == []
 
 
 def test_a_drive_has_its_trajectories_and_loops():

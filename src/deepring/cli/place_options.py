@@ -78,7 +78,7 @@ def _add_build(parser: Parser) -> None:
         metavar="FILE",
         help="of a bag or a folder of scans: poses by stamps, TUM; once for each, in their order",
     )
-    parser.add_argument("--topic", help="topic of the point clouds, if a bag has several")
+    _add_topic(parser)
     add_network(parser)
     add_output(parser, "MAP", "the new map")
     parser.add_argument(
@@ -159,14 +159,8 @@ def add_localize(parser: Parser) -> None:
         metavar="NAME",
         help="format of .bin files: %(choices)s",
     )
-    parser.add_argument("--topic", help="topic of the point clouds, if a bag has several")
-    parser.add_argument(
-        "--every",
-        type=whole(1),
-        default=1,
-        metavar="N",
-        help="take every N-th scan of a bag or a drive (%(default)s)",
-    )
+    _add_topic(parser)
+    _add_every(parser, "a bag or a drive")
     parser.add_argument(
         "--accumulate",
         type=whole(1),
@@ -243,14 +237,8 @@ def add_loops(parser: Parser) -> None:
 
 def _add_recording(parser: Parser) -> None:
     """The options of scans whose poses an odometry finds."""
-    parser.add_argument("--topic", help="topic of the point clouds, if a bag has several")
-    parser.add_argument(
-        "--every",
-        type=whole(1),
-        default=1,
-        metavar="N",
-        help="take every N-th scan of a drive without poses (%(default)s)",
-    )
+    _add_topic(parser)
+    _add_every(parser, "a drive without poses")
     parser.add_argument(
         "--odometry",
         action="store_true",
@@ -262,6 +250,20 @@ def _add_recording(parser: Parser) -> None:
         type=Path,
         metavar="FILE",
         help="true poses to compare with, TUM's format, at the stamps of the scans",
+    )
+
+
+def _add_topic(parser: Parser) -> None:
+    parser.add_argument("--topic", help="topic of the point clouds, if a bag has several")
+
+
+def _add_every(parser: Parser, of: str) -> None:
+    parser.add_argument(
+        "--every",
+        type=whole(1),
+        default=1,
+        metavar="N",
+        help=f"take every N-th scan of {of} (%(default)s)",
     )
 
 

@@ -1,4 +1,4 @@
-"""Selects scans of a session by spacing, first passes and revisits (protocol)."""
+"""Selects scans of a session by spacing, evenly, first passes and revisits (protocol)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,11 @@ def sample_by_distance(positions: Positions, spacing: float, mask: NDArray[np.bo
         ):
             indices.append(int(index))
     return np.array(indices, dtype=np.int64)
+
+
+def sample_of(count: int, most: int) -> list[int]:
+    """Up to ``most`` indices below ``count``, spread evenly from the first to the last."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
 
 
 def path_lengths(positions: Positions) -> Positions:

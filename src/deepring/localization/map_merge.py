@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from deepring import checks
 from deepring.core.rigid import planar_pose
+from deepring.data.spacing import sample_of
 from deepring.errors import DataError
 from deepring.localization.common_frame import common_frame
 from deepring.localization.map import BATCH, Map
@@ -48,7 +49,7 @@ def find_frame(first: Map, second: Map, progress: Progress | None = None) -> Fou
         )
     if not (len(first) and len(second)):
         raise DataError("maps: one holds no places, expected places in both")
-    places = np.unique(np.linspace(0, len(second) - 1, MOST).round().astype(np.int64))
+    places = np.array(sample_of(len(second), MOST))
     rows, located, grounds = [], [], []
     heights, ours = first.places.poses[:, 2, 3], second.places.poses[:, 2, 3]
     planar = second.places.planar_poses(torch.from_numpy(places)).numpy()

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from deepring.core.rigid import wrap_angle, yaw_of
 from deepring.data.packed_rasters import unpack
+from deepring.data.spacing import sample_of
 from deepring.localization.calibration import (
     LocalizationTrials,
     Tolerance,
@@ -222,10 +223,10 @@ def selection(scans: Sequence[LocatedScan], kinds: Sequence[Any], most: int) -> 
     groups: dict[Any, list[LocatedScan]] = {}
     for scan, kind in zip(scans, kinds, strict=True):
         groups.setdefault(kind, []).append(scan)
-    spread = []
-    for _, group in sorted(groups.items(), reverse=True):
-        rows = np.unique(np.linspace(0, len(group) - 1, min(most, len(group))).round().astype(int))
-        spread.append([group[row] for row in rows])
+    spread = [
+        [group[row] for row in sample_of(len(group), most)]
+        for _, group in sorted(groups.items(), reverse=True)
+    ]
     turns = zip_longest(*spread)
     return [scan for scan in chain.from_iterable(turns) if scan is not None][:most]
 

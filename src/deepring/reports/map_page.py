@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from deepring.data.spacing import sample_of
 from deepring.localization.map import Map
 from deepring.reports.html import (
     bullets,
@@ -63,13 +64,12 @@ _EXPLANATION = (
 
 def _pictures(place_map: Map) -> Iterator[str]:
     """Images and sinograms of places spread over the map, two pictures for each."""
-    count = min(_SHOWN, len(place_map))
-    places = np.unique(np.linspace(0, len(place_map) - 1, count).round().astype(np.int64))
-    images = place_map.places.images(torch.from_numpy(places))
+    places = sample_of(len(place_map), _SHOWN)
+    images = place_map.places.images(torch.tensor(places))
     extent, period = place_map.raster.extent, np.degrees(place_map.network.turn_period)
     with torch.inference_mode():
         sinograms = place_map.network.representation(images)[:, 0].float().cpu().numpy()
-    for place, image, sinogram in zip(places.tolist(), images.numpy(), sinograms, strict=True):
+    for place, image, sinogram in zip(places, images.numpy(), sinograms, strict=True):
         name = f"{place_map.places.names[place]}, number {place}"
         figure = new_figure(2.9, 2.9)
         draw_bev(figure.add_subplot(), image, "", extent)

@@ -7,13 +7,14 @@ import torch
 from numpy.typing import NDArray
 
 from deepring.core.rigid import FloatArray, moved_points
+from deepring.data.clouds.voxels import first_rows
 from deepring.localization.map import Map
 from deepring.localization.place_points import STEP
 from deepring.reports.located_scan import LocatedScan, cell_centres, located_pose
 from deepring.reports.round_origin import round_origin
 from deepring.reports.scene import BLUE, GREEN, GREY, ORANGE, RED, Lines, Points, Scene, on_screen
 
-#: Side of the voxels of the map's points, metres: finer ones would be millions.
+#: Side of the voxels of the map's points, metres, since places see the same things.
 _VOXEL = 0.5
 
 #: Heights that colours run over, metres above the ground of a place.
@@ -68,7 +69,7 @@ def _map_shapes(place_map: Map) -> list[Points | Lines]:
     parts = list(_seen(place_map, poses))
     points = np.concatenate([points for points, _ in parts])
     heights = np.concatenate([heights for _, heights in parts])
-    rows = thinned_rows(points)
+    rows = first_rows(points, _VOXEL)
     return [
         Points("map/points", points[rows], _colours(heights[rows]), 0.12),
         Points("map/places", poses[:, :3, 3], GREY, on_screen(2.5), place_map.places.names),
@@ -86,16 +87,6 @@ def _seen(place_map: Map, poses: FloatArray) -> Iterator[tuple[FloatArray, Float
             cells = cell_centres(image.astype(np.bool_), place_map.raster.extent)
             points = np.column_stack([cells, np.full(len(cells), place_map.ground_z)])
         yield moved_points(points, pose), points[:, 2] - place_map.ground_z
-
-
-def thinned_rows(points: FloatArray) -> NDArray[np.int64]:
-    """Rows of points (n, 3), metres: one for each voxel, since places see the same things."""
-    if not len(points):
-        return np.empty(0, np.int64)
-    cells = np.floor(points / _VOXEL).astype(np.int64)
-    cells -= cells.min(axis=0)
-    _, rows = np.unique(np.ravel_multi_index(cells.T, cells.max(axis=0) + 1), return_index=True)
-    return np.sort(rows)
 
 
 def _colours(heights: FloatArray) -> NDArray[np.uint8]:

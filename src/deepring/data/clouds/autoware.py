@@ -60,14 +60,12 @@ def tiles_folder(folder: Path) -> Path:
     return next((folder / name for name in TILES if (folder / name).is_dir()), folder)
 
 
-def open_autoware(folder: Path, warn: Warn) -> TiledCloud:
-    """The cloud of a folder with metadata, in it or beside it; its tiles are read as needed.
+def open_autoware(folder: Path, file: Path, warn: Warn) -> TiledCloud:
+    """The cloud of a folder whose metadata is ``file``; its tiles are read as needed.
 
     ``warn`` is told of .pcd files that the metadata does not name, which are left out. Raises
     FileError for damaged metadata, and for a tile that it names and that is not there.
     """
-    file = metadata_of(folder)
-    assert file is not None
     metadata = read_metadata(file)
     tiles = tiles_folder(folder)
     missing = [name for name in metadata.corners if not (tiles / name).is_file()]

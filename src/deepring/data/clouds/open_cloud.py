@@ -50,8 +50,9 @@ def open_cloud(
     `sorted_tiles`.
     """
     path = Path(path)
-    if path.is_dir() and metadata_of(path) is not None:
-        yield open_autoware(path, warn)
+    metadata = metadata_of(path) if path.is_dir() else None
+    if metadata is not None:
+        yield open_autoware(path, metadata, warn)
         return
     files = [open_cloud_file(file) for file in _files(path)]
     with tempfile.TemporaryDirectory(prefix="deepring_tiles_") as folder:

@@ -9,10 +9,10 @@ from deepring.data.inspection.session_scans import (
     measure_scans,
     measured_findings,
     repeated_findings,
-    sample_of,
 )
 from deepring.data.left_out import MOST
 from deepring.data.session import Session
+from deepring.data.spacing import sample_of
 from deepring.errors import DataError
 
 #: Scans that a quick inspection reads, evenly spread over the drive.

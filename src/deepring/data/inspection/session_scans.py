@@ -22,6 +22,7 @@ from deepring.data.inspection.scans import figure_findings, shows_ground
 from deepring.data.readers import binary_formats
 from deepring.data.readers.custom.custom_scans import UP, CustomScans
 from deepring.data.session import Session
+from deepring.data.spacing import sample_of
 from deepring.errors import DeepringError
 
 #: Scans with which other readings are tried.
@@ -40,11 +41,6 @@ UPRIGHT = 0.5
 NEAR = 0.15
 #: Metres by which the lowest 5 % of the points may lie above the ground.
 ABOVE_GROUND = 0.5
-
-
-def sample_of(count: int, most: int) -> list[int]:
-    """Up to ``most`` indices below ``count``, evenly spread, with the first and the last."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
 
 
 def measure_scans(session: Session, indices: Iterable[int]) -> dict[int, ScanFigures]:
