@@ -100,7 +100,7 @@ def test_what_cannot_be_a_trajectory_is_refused(drive, tmp_path, here):
     _, scans = drive
     one = write_bag(tmp_path, "bag", {"/points": [message(scans[0])]})
     ground = ("--ground-z", -HEIGHT)
-    refused(here("loops", one, *ground, "-o", "a"), "1 of 1 scans can be used", "at least 2")
+    refused(here("loops", one, *ground, "-o", "a"), "1 of 1 scans can be used", "at least 6")
     sparse = [message(scan[:: len(scan) // 60][:60]) for scan in scans[:4]]
     (tmp_path / "sparse").mkdir()
     few = write_bag(tmp_path / "sparse", "bag", {"/points": sparse})
@@ -115,7 +115,20 @@ def test_what_cannot_be_a_trajectory_is_refused(drive, tmp_path, here):
     )
     refused(here("loops", raised, "-o", "a"), "--ground-z: not given", "do not show it")
     refused(here("loops", "nothing.bag", "-o", "a"), "nothing.bag")
+    apart = write_bag(tmp_path / "few", "mcap", {"/p": [message(s) for s in scans[:30:6]]})
+    refused(here("loops", apart, *ground, "-o", "a"), "5 of 5 scans can be used", "at least 6")
     assert not list(tmp_path.glob("a*"))
+
+
+def test_stamps_in_no_order_and_poses_in_another_unit_are_said(drive, tmp_path, here):
+    poses, scans = drive
+    contents = {"/p": [message(scan) for scan in scans[:8]]}
+    bag = write_bag(tmp_path, "mcap", contents, at=[START + k // 2 * 10**8 for k in range(8)])
+    millimetres = poses[:8] * np.array([1, 1, 1, 1000.0])
+    write_tum(tmp_path / "true.tum", millimetres, START + np.arange(8) * 10**8)
+    done = here("loops", bag, "--poses", "true.tum", "-o", "a", "--ground-z", -HEIGHT)
+    assert "4 of 8 scans have a stamp that is not later" in done.stderr
+    assert "warning: true.tum: poses:" in done.stderr
 
 
 def test_true_poses_of_another_time_are_refused(bag, drive, tmp_path, here):

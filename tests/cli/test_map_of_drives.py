@@ -78,6 +78,27 @@ def test_poses_of_a_bag_are_asked_for_and_have_to_be_its_own(drive, tmp_path, he
     assert not (tmp_path / "a.map").exists()
 
 
+def test_poses_that_no_drive_has_are_said_or_refused(drive, tmp_path, here):
+    bag = bag_of(drive, tmp_path)
+    build = ("map", "build", bag, "-o", "a.map", "--ground-z", 0, "--poses")
+    stamps = [START + k * STEP for k in range(7)]
+    millimetres = drive.poses[:7] * np.array([1, 1, 1, 1000.0])[None, None]
+    write_tum(tmp_path / "mm.tum", millimetres, stamps)
+    done = here(*build, "mm.tum", "--spacing", 0)
+    assert "warning: mm.tum: poses:" in done.stderr, done.stderr
+    assert "steps between neighbouring poses exceed" in done.stderr
+
+
+@pytest.mark.parametrize("at", [[0] * 8, list(range(8))[::-1]])
+def test_a_bag_whose_stamps_are_no_order_is_refused(drive, tmp_path, here, at):
+    contents = [message(drive.points(k)) for k in range(8)]
+    bag = write_bag(tmp_path, "mcap", {"/points": contents}, at=[START + k * STEP for k in at])
+    write_tum(tmp_path / "bag.tum", drive.poses[:8], [START + k * STEP for k in range(8)])
+    done = here("map", "build", bag, "--poses", "bag.tum", "-o", "a.map", "--ground-z", 0)
+    refused(done, "scans cannot be used", "its stamp is not later than those before")
+    assert not (tmp_path / "a.map").exists()
+
+
 def test_several_sessions_and_folders_become_one_map(tiny_nclt, whole, tmp_path, here):
     both = ("--session", "2031-02-04", "--session", "2031-03-17", "--spacing", 5)
     done = here("map", "build", tiny_nclt, *both, "-o", "a.map")

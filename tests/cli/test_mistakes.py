@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from deepring.cli.mistakes import is_mistake, report_mistakes, with_flags
 from deepring.cli.overrides import checked, quoted, value_of
-from deepring.errors import ConfigError, StoppedError
+from deepring.errors import ConfigError, DataError, StoppedError
 from deepring.text import printable
 from helpers.cli import deepring, refused
 
@@ -46,6 +46,11 @@ def said(error, capsys):
 
 def test_our_errors_are_one_line(capsys):
     assert said(ConfigError("format: 'x'"), capsys) == "error: --format: 'x'\n"
+
+
+def test_further_lines_of_an_error_of_ours_are_lines(capsys):
+    error = DataError("a: no layout; one of:", lines=["  KITTI: b", "  NCLT:\n c"])
+    assert said(error, capsys) == "error: a: no layout; one of:\n  KITTI: b\n  NCLT:\\n c\n"
 
 
 def test_the_argument_that_an_error_asks_for_is_added_once(capsys):

@@ -44,10 +44,11 @@ def encoded(content, at):
     return bytes(store.serialize_cdr(_typed(store, "mcap", content, at), CLOUD))
 
 
-def write_bag(folder, kind, topics, stamped=True, compression=None, mode=None):
+def write_bag(folder, kind, topics, stamped=True, compression=None, mode=None, at=None):
     """A bag of ``topics``, name -> messages or texts, one every 0.1 s; its path.
 
     ``compression`` is that of the chunks of ROS 1; ``mode`` is "message" or "file", in ROS 2.
+    ``at`` are the stamps of the headers, nanoseconds.
     """
     store = get_typestore(Stores.ROS1_NOETIC if kind == "bag" else Stores.ROS2_HUMBLE)
     encode = store.serialize_ros1 if kind == "bag" else store.serialize_cdr
@@ -67,9 +68,10 @@ def write_bag(folder, kind, topics, stamped=True, compression=None, mode=None):
             msgtype = STRING if contents and isinstance(contents[0], str) else CLOUD
             connection = writer.add_connection(topic, msgtype, typestore=store)
             for number, content in enumerate(contents):
-                at = START + number * 10**8
-                ready = _typed(store, kind, content, at if stamped else 0)
-                writer.write(connection, at + 7, encode(ready, msgtype))
+                written = START + number * 10**8
+                stamp = written if at is None else at[number]
+                ready = _typed(store, kind, content, stamp if stamped else 0)
+                writer.write(connection, written + 7, encode(ready, msgtype))
     return path / f"drive.{kind}" if kind in ("mcap", "db3") else path
 
 

@@ -11,6 +11,7 @@ from deepring.cli.drive_source import DriveSource, open_source
 from deepring.cli.looking import expect_lookable, show_scene
 from deepring.cli.notices import warn
 from deepring.cli.options import expect_new, network_of
+from deepring.data.inspection.trajectory import expect_drive
 from deepring.data.left_out import LeftOut
 from deepring.data.poses.trajectory import Trajectory
 from deepring.data.poses.tum import read_tum
@@ -47,7 +48,7 @@ def loops_command(args: argparse.Namespace) -> None:
         small_gicp()
     refinement = RefinementSettings() if args.refine or args.optimize else None
     settings = LoopSettings(args.spacing, args.recent, refinement)
-    truth = None if args.poses is None else read_tum(args.poses)
+    truth = None if args.poses is None else _true_poses(args.poses)
     network = network_of(args.checkpoint)
     source = open_source(args)
     if isinstance(source.scans, Recording):
@@ -70,6 +71,14 @@ def loops_command(args: argparse.Namespace) -> None:
     show_scene(args, lambda: drive_scene(result))
     for path in files.values():
         console.print(f"written      {printable(str(path))}")
+
+
+def _true_poses(file: Path) -> Trajectory:
+    """The poses of --poses; warns of steps that no drive has."""
+    truth = read_tum(file)
+    for finding in expect_drive(file, truth, any_world=True):
+        warn(f"{file}: {finding}")
+    return truth
 
 
 def _files(args: argparse.Namespace) -> dict[str, Path]:

@@ -14,6 +14,7 @@ from deepring.cli.map_command import look, show
 from deepring.cli.notices import warn
 from deepring.cli.options import expect_new, ground_in, network_of, open_drive
 from deepring.data.clouds.open_cloud import is_cloud, open_cloud
+from deepring.data.inspection.trajectory import expect_drive
 from deepring.data.left_out import LeftOut
 from deepring.data.poses.path_file import read_path
 from deepring.data.poses.trajectory import Trajectory
@@ -143,7 +144,11 @@ def _poses(recordings: Sequence[Path], files: Sequence[Path]) -> list[Trajectory
             f"--poses: {len(files)} files, expected one for each bag or folder of scans, in their "
             f"order ({named}); `deepring loops` finds the poses of a bag that has none"
         )
-    return [read_tum(file) for file in files]
+    trajectories = [read_tum(file) for file in files]
+    for file, trajectory in zip(files, trajectories, strict=True):
+        for finding in expect_drive(file, trajectory):
+            warn(f"{file}: {finding}")
+    return trajectories
 
 
 def _of_session(session: Session, ground_z: float) -> Drive:

@@ -38,7 +38,7 @@ def report_mistakes(flags: Mapping[str, str]) -> Iterator[None]:
     except Exception as error:
         if not is_mistake(error):
             raise
-        print(f"error: {printable(error_message(error, flags))}", file=sys.stderr)
+        print(f"error: {_shown(error_message(error, flags), error)}", file=sys.stderr)
         sys.exit(INTERRUPTED if isinstance(error, StoppedError) else MISTAKE)
 
 
@@ -66,6 +66,12 @@ def with_flags(message: str, flags: Mapping[str, str]) -> str:
         return flags.get(name) or flags.get(name.rpartition(".")[2]) or match[0]
 
     return _ARGUMENT.sub(flag, message)
+
+
+def _shown(message: str, error: Exception) -> str:
+    """What prints of a message. Our own errors may have further lines, that of a system has one."""
+    lines = message.split("\n") if isinstance(error, DeepringError) else [message]
+    return "\n".join(map(printable, lines))
 
 
 def is_mistake(error: Exception) -> bool:

@@ -114,6 +114,8 @@ def add_recording(
         left_out: receives the scans that cannot be used.
 
     A scan has a pose if the trajectory has one before and one after it, `TOLERANCE_S` away at most.
+    A scan whose stamp is not later than those before cannot be used.
+
     Raises ConfigError for a negative spacing, and DataError for scans without stamps, if none has a
     pose, and where too many scans cannot be used.
     """
@@ -133,6 +135,7 @@ def _recorded(
     left_out: LeftOut,
 ) -> Iterator[SeenPlace]:
     last: NDArray[np.float64] | None = None
+    latest: int | None = None
     done = known = 0
     damage: list[str] = []
     for scan in readable_scans(recording, damage):
@@ -144,6 +147,13 @@ def _recorded(
                 f"recording {recording.name}: scan {scan.name} has no stamp, expected stamps for "
                 "poses with stamps"
             )
+        if latest is not None and scan.stamp <= latest:
+            left_out.add(
+                f"{scan.name}: its stamp is not later than those before, expected the time of each "
+                "scan in its order"
+            )
+            continue
+        latest = scan.stamp
         (pose,), (valid,) = trajectory.interpolate([scan.stamp], TOLERANCE_S)
         if not valid:
             continue

@@ -63,6 +63,11 @@ def pose_findings(session: Session) -> list[Finding]:
     ]
 
 
+def step_findings(session: Session) -> list[Finding]:
+    """Doubts about the steps of a session's rigid poses, whatever the axes of its world."""
+    return _steps(session, measure_motion(session.poses))
+
+
 def _no_poses(session: Session) -> Finding:
     """Matrices that are no poses; readers refuse them as they read, as the digits of a file say."""
     poses = session.poses

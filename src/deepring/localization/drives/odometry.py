@@ -26,7 +26,7 @@ _MAP_POINTS, _SCAN_POINTS = 40_000, 500
 #: Periods over which the last velocity is taken for the present one.
 _MOST_PERIODS = 3.0
 #: Scans after which a local map is dense enough for its overlap to tell anything.
-_SETTLED = 5
+SETTLED = 5
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Odometry:
             share = min(seconds / self._seconds, _MOST_PERIODS)
             self._kiss.last_delta = motion_over(np.asarray(self._kiss.last_delta), share)
         predicted = self._kiss.last_pose @ self._kiss.last_delta
-        map_points = self._kiss.local_map.point_cloud() if self._scans >= _SETTLED else None
+        map_points = self._kiss.local_map.point_cloud() if self._scans >= SETTLED else None
         frame = np.ascontiguousarray(points, dtype=np.float64)
         _, source = self._kiss.register_frame(frame, np.empty(0))
         pose = np.asarray(self._kiss.last_pose)

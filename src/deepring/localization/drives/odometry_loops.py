@@ -1,6 +1,7 @@
 """The trajectory of a recording by odometry, and its loops: one pass over the scans."""
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from deepring.data.recording import RecordedScan, Recording, readable_scans
 from deepring.errors import BrokenScanError, DataError
 from deepring.localization.drives.loop_graph import LoopGraph, Track
 from deepring.localization.drives.loops import LoopFinder, LoopSettings
-from deepring.localization.drives.odometry import Odometry, OdometrySettings, OdometryStep
+from deepring.localization.drives.odometry import SETTLED, Odometry, OdometrySettings, OdometryStep
 from deepring.localization.map import Map
 from deepring.progress import Progress
 
@@ -44,8 +45,9 @@ def find_loops_by_odometry(
 
     Raises:
         ConfigError: a library that is not installed.
-        DataError: fewer than two scans, too many that cannot be used (`deepring.data.left_out`),
-            or at which the odometry is lost, or none of which anything stands out of the ground.
+        DataError: fewer scans than show whether they overlap (6), too many that cannot be used
+            (`deepring.data.left_out`), or at which the odometry is lost, or none of which anything
+            stands out of the ground.
     """
     checks.of_type("recording", recording, Recording)
     pass_ = _Pass(
@@ -144,11 +146,12 @@ class _Pass:
     def _expect_some(self) -> None:
         """Raise DataError for too few scans, or none that shows anything."""
         what = f"session {self.recording.name}"
-        if len(self.scans) < 2:
+        if len(self.scans) <= SETTLED:
             first = f"; first: {self.left_out.reasons[0]}" if len(self.left_out) else ""
             raise DataError(
                 f"{what}: {len(self.scans)} of {len(self.recording)} scans can be used, expected "
-                f"at least 2 for an odometry{first}"
+                f"at least {SETTLED + 1} for an odometry: whether scans overlap shows from then "
+                f"on{first}"
             )
         if not self.keyframes:
             raise DataError(f"{what}: no scan can be a keyframe; first: {self.blank[0]}")
@@ -175,6 +178,14 @@ class _Pass:
 
     def _doubts(self) -> list[str]:
         doubts = list(self.damage)
+        known = [stamp for stamp in self.stamps if stamp is not None]
+        late = sum(b <= a for a, b in pairwise(known))
+        if late:
+            doubts.append(
+                f"{late} of {len(known)} scans have a stamp that is not later than the one before; "
+                "expected the time of each scan, in its order: what is compared or joined by these "
+                "stamps will be wrong"
+            )
         if self.lost:
             where = ", ".join(self.names[row] for row in self.lost[:5])
             doubts.append(
