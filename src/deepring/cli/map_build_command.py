@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from deepring.cli.looking import expect_lookable
 from deepring.cli.map_command import look, show
 from deepring.cli.notices import say_skipped, warn
-from deepring.cli.options import expect_new, network_of, open_drive
+from deepring.cli.options import expect_meant, expect_new, network_of, open_drive
+from deepring.data.clouds.autoware import METADATA, metadata_of
 from deepring.data.clouds.open_cloud import is_cloud, open_cloud
 from deepring.data.inspection.recording import inspect_recording
 from deepring.data.inspection.trajectory import expect_drive
@@ -27,7 +28,7 @@ from deepring.errors import ConfigError, DataError
 from deepring.localization.clouds.cloud_map import map_of_cloud
 from deepring.localization.clouds.virtual_scan import VirtualSensor
 from deepring.localization.map import Map
-from deepring.localization.map_building import SPACING, add_recording, add_session
+from deepring.localization.map_building import SPACING, TOLERANCE_S, add_recording, add_session
 from deepring.progress import progress_bar
 from deepring.search.search_settings import SearchSettings
 
@@ -71,7 +72,8 @@ def build(args: argparse.Namespace) -> None:
     """Build a map of drives, or of a point cloud."""
     expect_new(args.output)
     expect_lookable(args, args.output)
-    clouds = [root for root in args.roots if is_cloud(root)]
+    args.roots = [root.parent if root.name == METADATA else root for root in args.roots]
+    clouds = [root for root in args.roots if is_cloud(root) and not _is_recording(root, args)]
     for name in _OF_DRIVES if clouds else _OF_CLOUDS:
         if getattr(args, name) is not None:
             flag = f"--{name.replace('_', '-')}"
@@ -87,6 +89,12 @@ def build(args: argparse.Namespace) -> None:
     built.map.save(args.output)
     show(args.output, built.map)
     look(args, args.output, built.map, built.paths, built.left_out)
+
+
+def _is_recording(root: Path, args: argparse.Namespace) -> bool:
+    """Whether a folder of .pcd files holds scans of a drive: no metadata of tiles, but poses."""
+    named = root.is_dir() and metadata_of(root) is None and has_scans(root)
+    return named and args.poses is not None
 
 
 def _map_of_cloud(args: argparse.Namespace) -> Built:
@@ -122,6 +130,11 @@ def _map_of_drives(args: argparse.Namespace) -> Built:
                 assert drive.poses is not None
                 add_recording(place_map, drive.scans, drive.poses, spacing, bar, left_out)
         warn(str(left_out))
+        if left_out.without_pose:
+            warn(
+                f"{drive.scans.name}: {left_out.without_pose} of {left_out.total} scans have no "
+                f"pose within {TOLERANCE_S:g} s before and after them"
+            )
         reasons += left_out.reasons
     names = ", ".join(drive.scans.name for drive in drives)
     place_map.source = f"drive {names}" if len(drives) == 1 else f"drives {names}"
@@ -137,6 +150,12 @@ def _drives(args: argparse.Namespace) -> list[Drive]:
             "single session names it"
         )
     recordings = [root for root in args.roots if is_bag(root) or has_scans(root)]
+    expect_meant(
+        args,
+        topic=None if any(map(is_bag, args.roots)) else "a bag",
+        session="a dataset or a drive.yaml" if len(recordings) == len(args.roots) else None,
+    )
+    _expect_once(args.roots, args.session or [])
     poses = dict(zip(recordings, _poses(recordings, args.poses or []), strict=True))
     drives = []
     for root in args.roots:
@@ -147,6 +166,14 @@ def _drives(args: argparse.Namespace) -> list[Drive]:
             one = argparse.Namespace(**{**vars(args), "root": root, "session": session})
             drives.append(Drive(*open_drive(one), None))
     return drives
+
+
+def _expect_once(roots: Sequence[Path], sessions: Sequence[str]) -> None:
+    """Raise ConfigError for a drive that is given twice: its places would be there twice."""
+    for what, given in (("root", [root.resolve() for root in roots]), ("session", sessions)):
+        twice = next((one for k, one in enumerate(given) if one in given[:k]), None)
+        if twice is not None:
+            raise ConfigError(f"{what}: {twice} is given twice, expected each drive once")
 
 
 def _poses(recordings: Sequence[Path], files: Sequence[Path]) -> list[Trajectory]:

@@ -131,7 +131,7 @@ def _recorded(
 ) -> Iterator[_Place]:
     last: NDArray[np.float64] | None = None
     latest: int | None = None
-    done = known = 0
+    done = known = late = 0
     damage: list[str] = []
     for scan in readable_scans(recording, damage):
         done += 1
@@ -143,6 +143,7 @@ def _recorded(
                 "poses with stamps"
             )
         if latest is not None and scan.stamp <= latest:
+            late += 1
             left_out.add(
                 f"{scan.name}: its stamp is not later than those before, expected the time of each "
                 "scan in its order"
@@ -164,6 +165,7 @@ def _recorded(
         yield place
     for message in damage:
         left_out.add(message)
+    left_out.without_pose = done - known - late
     if last is None:
         raise DataError(
             f"recording {recording.name}: {known} of {done} scans have a pose within "

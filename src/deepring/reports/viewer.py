@@ -16,13 +16,13 @@ from deepring.text import printable
 TIMELINE = "scan"
 
 
-def rerun() -> Any:
-    """The library. Raises ConfigError if it is not installed."""
+def rerun(argument: str = "view") -> Any:
+    """The library. Raises ConfigError, about ``argument``, if it is not installed."""
     try:
         import rerun as library
     except ImportError as error:
         raise ConfigError(
-            "view: rerun is not installed, expected it; run pip install 'deepring[view]'"
+            f"{argument}: rerun is not installed, expected it; run pip install 'deepring[view]'"
         ) from error
     return library
 
