@@ -528,6 +528,22 @@ def test_a_network_is_evaluated_on_a_custom_drive(custom_drive, checkpoint, here
     assert "Recall@1" in done.stdout
 
 
+def test_a_map_is_not_put_together_with_itself(place_map, tmp_path, here):
+    done = here("map", "merge", place_map, place_map, "-o", "a.map")
+    refused(done, "both hold the same places")
+    assert not list(tmp_path.iterdir())
+
+
+def test_options_that_the_scans_leave_without_a_meaning(place_map, second, tmp_path, here):
+    for k in range(3):
+        (tmp_path / f"{k}.bin").write_bytes(second.files[k].read_bytes())
+    done = refused(here("localize", place_map, tmp_path), "0.bin", "--format")
+    assert len(done.stderr.splitlines()) == 1
+    scans = ("localize", place_map, tmp_path, "--format", "nclt")
+    for option in ("--topic", "--session", "--every"):
+        refused(here(*scans, option, "3"), f"{option}: 3, expected only with a")
+
+
 def test_consecutive_scans_are_joined(place_map, second, tmp_path, here, monkeypatch):
     """As files of a folder and as a bag; the last scan has company, the first one none."""
     step = np.float32([0.5, 0, 0])

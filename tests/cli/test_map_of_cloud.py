@@ -94,6 +94,16 @@ def test_clouds_that_make_no_map_leave_nothing_behind(here, tmp_path, change, me
     assert [one.name for one in tmp_path.iterdir()] == ["a.pcd"]
 
 
+def test_the_metadata_stands_for_its_folder_and_radians_are_refused(here, tmp_path):
+    metadata = "x_resolution: 200\ny_resolution: 200\na.pcd: [-100, -100]\n"
+    (tmp_path / "pointcloud_map_metadata.yaml").write_text(metadata)
+    (tmp_path / "a.pcd").write_bytes(pcd_bytes(street(8)))
+    build = (*BUILD, "pointcloud_map_metadata.yaml", "-o", "a.map", "--spacing", 40)
+    refused(here(*build, "--fov", "-0.43", "0.35"), "--fov", "radians")
+    done = here(*build)
+    assert done.returncode == 0, done.stderr
+
+
 def test_a_path_in_another_frame_is_refused(folder, here, tmp_path):
     (tmp_path / "b.tum").write_text("".join(f"{k} {k} 0 2 0 0 0 1\n" for k in range(50)))
     done = here(*BUILD, folder / "city.pcd", "--path", "b.tum", "-o", "b.map")

@@ -10,6 +10,7 @@ from deepring.localization.drives.trajectory_files import tum_lines
 from deepring.localization.map import Map
 from helpers.bags import START, message, write_bag
 from helpers.cli import deepring, refused
+from helpers.clouds import pcd_bytes
 
 STEP = 10**8
 
@@ -88,6 +89,36 @@ def test_poses_that_no_drive_has_are_said_or_refused(drive, tmp_path, here):
     assert "warning: mm.tum: poses:" in done.stderr, done.stderr
     assert "steps between neighbouring poses exceed" in done.stderr
 
+    assert "1 of 8 scans have no pose within 0.1 s" in done.stderr
+    (tmp_path / "a.map").unlink()
+    wrong = drive.poses[:7].copy()
+    wrong[:, :3, :3] = wrong[:, :3, :3] @ np.diag([1.0, -1.0, -1.0])
+    write_tum(tmp_path / "tilted.tum", wrong, stamps)
+    refused(here(*build, "tilted.tum"), "tilted.tum cannot be used", "poses:")
+
+
+def test_scans_of_a_folder_with_poses_are_a_drive_and_no_cloud(drive, tmp_path, here):
+    (tmp_path / "scans").mkdir()
+    for k in range(4):
+        path = tmp_path / "scans" / f"{START + k * STEP}.pcd"
+        path.write_bytes(pcd_bytes(drive.points(k)))
+    write_tum(tmp_path / "a.tum", drive.poses[:4], [START + k * STEP for k in range(4)])
+    build = ("map", "build", "scans", "-o", "a.map")
+    refused(here(*build), "no pointcloud_map_metadata", "with their --poses")
+    done = here(*build, "--poses", "a.tum", "--ground-z", 0)
+    assert done.returncode == 0, done.stderr
+
+
+def test_options_without_a_meaning_and_drives_given_twice_are_refused(tiny_nclt, tmp_path, here):
+    build = ("map", "build", tiny_nclt, "-o", "a.map")
+    refused(here(*build, "--topic", "/a"), "--topic: /a", "a bag")
+    day = ("--session", "2031-02-04")
+    refused(here(*build, *day, *day), "--session: 2031-02-04 is given twice")
+    refused(here("map", "build", tiny_nclt, *build[2:]), "DATA:", "given twice")
+    (tmp_path / "a.npy").write_bytes(b"")
+    refused(here("map", "build", "a.npy", "-o", "a.map"), "DATA:", "a.npy is a file")
+    refused(here("loops", "a.npy", "-o", "a"), "a.npy: one file, expected a bag")
+
 
 @pytest.mark.parametrize("at", [[0] * 8, list(range(8))[::-1]])
 def test_a_bag_whose_stamps_are_no_order_is_refused(drive, tmp_path, here, at):
@@ -132,4 +163,5 @@ def test_drives_that_do_not_go_together_are_refused(tiny_nclt, drive, tmp_path, 
     done = here("map", "build", "same.yaml", "lower.yaml", "-o", "a.map")
     refused(done, "the ground is at z = -1 m", "at -2.5 m", "deepring map merge")
     assert not (tmp_path / "a.map").exists()
-    assert here("map", "build", "same.yaml", "same.yaml", "-o", "a.map").returncode == 0
+    (tmp_path / "again.yaml").write_text((tmp_path / "same.yaml").read_text())
+    assert here("map", "build", "same.yaml", "again.yaml", "-o", "a.map").returncode == 0

@@ -239,6 +239,10 @@ def test_a_folder_of_las_files_is_one_cloud(tmp_path):
     with open_cloud(tmp_path) as cloud:
         assert cloud.points == len(points)
         expect_plausible(cloud)
+    (tmp_path / "c.pcd").write_bytes(b"")
+    told = []
+    with open_cloud(tmp_path, told.append):
+        assert told == [f"{tmp_path}: left out 1 files beside the .las files, first c.pcd"]
 
 
 def test_what_passed_is_left_out_and_what_stands_is_not(tmp_path):

@@ -19,6 +19,7 @@ from deepring.cli.joined_scans import JoinedScans
 from deepring.cli.looking import expect_lookable
 from deepring.cli.mistakes import MISTAKE, error_message
 from deepring.cli.notices import say_skipped, warn
+from deepring.cli.options import expect_meant
 from deepring.cli.refined_rows import CSV, TABLE, csv_values, json_values, table_cells, table_notes
 from deepring.cli.shown_scans import ShownScans
 from deepring.data.inspection.scans import expect_coordinates
@@ -26,6 +27,7 @@ from deepring.data.readers import open_session
 from deepring.data.readers.custom.drive_file import is_drive_file
 from deepring.data.recording import recorded_session, scan_of_file
 from deepring.data.scans.bag_files import bag_scans, is_bag
+from deepring.data.scans.names import ending_of
 from deepring.data.scans.point_times import TimedPoints
 from deepring.data.scans.scan_files import scan_files
 from deepring.errors import ConfigError, DeepringError
@@ -65,6 +67,7 @@ def localize_command(args: argparse.Namespace) -> None:
     """
     expect_lookable(args)
     files = scan_files(args.scans)
+    _expect_meant(files, args)
     joining = JoinedScans(args.accumulate)
     place_map = Map.open(args.map, check=not args.unchecked)
     if args.refine:
@@ -143,6 +146,31 @@ def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
         yield Scan(file, None, read, args.ground_z, file.parent)
 
 
+<<<<<<< HEAD
+=======
+def _of_drive(session: Session, k: int) -> TimedPoints:
+    return TimedPoints(session.points(k), None)
+
+
+def _of_file(file: Path, binary: str | None) -> TimedPoints:
+    return TimedPoints(read_scan(file, binary), None)
+
+
+def _expect_meant(files: Sequence[Path], args: argparse.Namespace) -> None:
+    """Raise ConfigError for options that the scans leave without a meaning, or that they lack."""
+    bags, drives = any(map(is_bag, files)), any(map(is_drive_file, files))
+    expect_meant(
+        args,
+        topic=None if bags else "a bag",
+        session=None if drives else "a drive.yaml",
+        every=None if bags or drives else "a bag or a drive.yaml",
+    )
+    binary = [file for file in files if ending_of(file) == ".bin"]
+    if args.format is None and len(binary) == len(files) > 1 and binary[0].is_file():
+        read_scan(binary[0])  # says once which formats there are
+
+
+>>>>>>> trial
 def _expect_refinable(place_map: Map, file: Path) -> None:
     """Raise ConfigError for a map without points, and without the library that registers them."""
     if place_map.points is None:

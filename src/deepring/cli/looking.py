@@ -37,7 +37,7 @@ def expect_lookable(args: argparse.Namespace, *others: Path) -> None:
     if args.view or args.view_file is not None:
         from deepring.reports.viewer import expect_display, rerun
 
-        rerun()
+        rerun("view" if args.view else "view_file")
         if args.view:
             expect_display()
 

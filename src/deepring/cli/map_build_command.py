@@ -11,8 +11,14 @@ from numpy.typing import NDArray
 
 from deepring.cli.looking import expect_lookable
 from deepring.cli.map_command import look, show
+<<<<<<< HEAD
 from deepring.cli.notices import warn
 from deepring.cli.options import expect_new, ground_in, network_of, open_drive
+=======
+from deepring.cli.notices import say_skipped, warn
+from deepring.cli.options import expect_meant, expect_new, network_of, open_drive
+from deepring.data.clouds.autoware import METADATA, metadata_of
+>>>>>>> trial
 from deepring.data.clouds.open_cloud import is_cloud, open_cloud
 from deepring.data.inspection.trajectory import expect_drive
 from deepring.data.left_out import LeftOut
@@ -25,8 +31,13 @@ from deepring.errors import ConfigError, DataError
 from deepring.localization.clouds.cloud_map import map_of_cloud
 from deepring.localization.clouds.virtual_scan import VirtualSensor
 from deepring.localization.map import Map
+<<<<<<< HEAD
 from deepring.localization.map_building import SPACING, add_recording, add_session
 from deepring.progress import Progress, progress_bar
+=======
+from deepring.localization.map_building import SPACING, TOLERANCE_S, add_recording, add_session
+from deepring.progress import progress_bar
+>>>>>>> trial
 from deepring.search.search_settings import SearchSettings
 
 #: Options of one of the two kinds of maps alone, by their names in the parser.
@@ -63,7 +74,8 @@ def build(args: argparse.Namespace) -> None:
     """Build a map of drives, or of a point cloud."""
     expect_new(args.output)
     expect_lookable(args, args.output)
-    clouds = [root for root in args.roots if is_cloud(root)]
+    args.roots = [root.parent if root.name == METADATA else root for root in args.roots]
+    clouds = [root for root in args.roots if is_cloud(root) and not _is_recording(root, args)]
     for name in _OF_DRIVES if clouds else _OF_CLOUDS:
         if getattr(args, name) is not None:
             flag = f"--{name.replace('_', '-')}"
@@ -79,6 +91,12 @@ def build(args: argparse.Namespace) -> None:
     built.map.save(args.output)
     show(args.output, built.map)
     look(args, args.output, built.map, built.paths, built.left_out)
+
+
+def _is_recording(root: Path, args: argparse.Namespace) -> bool:
+    """Whether a folder of .pcd files holds scans of a drive: no metadata of tiles, but poses."""
+    named = root.is_dir() and metadata_of(root) is None and has_scans(root)
+    return named and args.poses is not None
 
 
 def _map_of_cloud(args: argparse.Namespace) -> Built:
@@ -110,6 +128,11 @@ def _map_of_drives(args: argparse.Namespace) -> Built:
         with progress_bar(f"{drive.name}: describing places") as bar:
             drive.add(place_map, spacing, bar, left_out)
         warn(str(left_out))
+        if left_out.without_pose:
+            warn(
+                f"{drive.scans.name}: {left_out.without_pose} of {left_out.total} scans have no "
+                f"pose within {TOLERANCE_S:g} s before and after them"
+            )
         reasons += left_out.reasons
     names = ", ".join(drive.name for drive in drives)
     place_map.source = f"drive {names}" if len(drives) == 1 else f"drives {names}"
@@ -124,7 +147,17 @@ def _drives(args: argparse.Namespace) -> list[Drive]:
             "--session: given with several folders, expected one folder; a drive.yaml that holds a "
             "single session names it"
         )
+<<<<<<< HEAD
     recordings = [root for root in args.roots if is_recording(root)]
+=======
+    recordings = [root for root in args.roots if is_bag(root) or has_scans(root)]
+    expect_meant(
+        args,
+        topic=None if any(map(is_bag, args.roots)) else "a bag",
+        session="a dataset or a drive.yaml" if len(recordings) == len(args.roots) else None,
+    )
+    _expect_once(args.roots, args.session or [])
+>>>>>>> trial
     poses = dict(zip(recordings, _poses(recordings, args.poses or []), strict=True))
     drives = []
     for root in args.roots:
@@ -135,6 +168,14 @@ def _drives(args: argparse.Namespace) -> list[Drive]:
             one = argparse.Namespace(**{**vars(args), "root": root, "session": session})
             drives.append(_of_session(*open_drive(one)))
     return drives
+
+
+def _expect_once(roots: Sequence[Path], sessions: Sequence[str]) -> None:
+    """Raise ConfigError for a drive that is given twice: its places would be there twice."""
+    for what, given in (("root", [root.resolve() for root in roots]), ("session", sessions)):
+        twice = next((one for k, one in enumerate(given) if one in given[:k]), None)
+        if twice is not None:
+            raise ConfigError(f"{what}: {twice} is given twice, expected each drive once")
 
 
 def _poses(recordings: Sequence[Path], files: Sequence[Path]) -> list[Trajectory]:

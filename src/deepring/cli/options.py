@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from deepring.cli.notices import say_skipped, warn
 from deepring.cli.parser import Names, Parser, number
-from deepring.errors import DataError, FileError
+from deepring.errors import ConfigError, DataError, FileError
 from deepring.io.files import part_of
 
 if TYPE_CHECKING:
@@ -130,6 +130,20 @@ def network_of(checkpoint: str) -> "DeepRing":
             f"checkpoint: {checkpoint} holds {network.settings.label}, expected DeepRING"
         )
     return network
+
+
+def expect_meant(args: argparse.Namespace, **whats: str | None) -> None:
+    """Raise ConfigError for an option that has no part in what is given.
+
+    ``whats`` say, by the names of options, what they need; None where it is there.
+    """
+    for name, what in whats.items():
+        value = getattr(args, name)
+        if what is not None and value is not None and value != [] and value != 1:
+            shown = ", ".join(value) if isinstance(value, list) else value
+            raise ConfigError(
+                f"{name}: {shown}, expected only with {what}, which is not given: leave it out"
+            )
 
 
 def expect_new(path: Path, argument: str = "output") -> None:

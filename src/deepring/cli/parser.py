@@ -32,6 +32,8 @@ class Parser(argparse.ArgumentParser):
         action = super().add_argument(*args, **kwargs)
         if action.option_strings:
             self.flags[action.dest] = action.option_strings[-1]
+        elif action.dest in ("root", "roots"):  # the library's name of a folder of data
+            self.flags["root"] = str(action.metavar)
         return action
 
     def runs(self, work: str, **flags: str) -> None:

@@ -187,7 +187,12 @@ def add_localize(parser: Parser) -> None:
         "--unchecked", action="store_true", help="do not check every byte of the map"
     )
     add_looking(parser)
-    parser.runs("deepring.cli.localize_command:localize_command", binary="--format")
+    parser.runs(
+        "deepring.cli.localize_command:localize_command",
+        binary="--format",
+        refinement="--refine",
+        odometry="--accumulate",
+    )
 
 
 def add_loops(parser: Parser) -> None:
@@ -232,7 +237,9 @@ def add_loops(parser: Parser) -> None:
         help="close the refined loops in a pose graph (needs deepring[refine,optimize])",
     )
     add_looking(parser, page=False)
-    parser.runs("deepring.cli.loops_command:loops_command", binary="--format")
+    parser.runs(
+        "deepring.cli.loops_command:loops_command", binary="--format", refinement="--refine"
+    )
 
 
 def _add_recording(parser: Parser) -> None:

@@ -34,6 +34,8 @@ class LeftOut:
         self.reasons: list[str] = []
         self.missed = 0
         """Of the scans that are wanted; the others were tried in place of one of these."""
+        self.without_pose = 0
+        """Further scans, which nothing was made of since poses by stamps do not reach them."""
 
     def __len__(self) -> int:
         return len(self.reasons)

@@ -136,7 +136,7 @@ def _recorded(
 ) -> Iterator[SeenPlace]:
     last: NDArray[np.float64] | None = None
     latest: int | None = None
-    done = known = 0
+    done = known = late = 0
     damage: list[str] = []
     for scan in readable_scans(recording, damage):
         done += 1
@@ -148,6 +148,7 @@ def _recorded(
                 "poses with stamps"
             )
         if latest is not None and scan.stamp <= latest:
+            late += 1
             left_out.add(
                 f"{scan.name}: its stamp is not later than those before, expected the time of each "
                 "scan in its order"
@@ -169,6 +170,7 @@ def _recorded(
         yield place
     for message in damage:
         left_out.add(message)
+    left_out.without_pose = done - known - late
     if last is None:
         raise DataError(
             f"recording {recording.name}: {known} of {done} scans have a pose within "

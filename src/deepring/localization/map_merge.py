@@ -51,6 +51,10 @@ def find_frame(first: Map, second: Map, progress: Progress | None = None) -> Fou
         raise DataError("maps: one holds no places, expected places in both")
     places = np.array(sample_of(len(second), MOST))
     rows, located, grounds = [], [], []
+    if first.places.names == second.places.names and np.array_equal(
+        first.places.poses, second.places.poses
+    ):
+        raise DataError("maps: both hold the same places, expected maps of two drives or clouds")
     heights, ours = first.places.poses[:, 2, 3], second.places.poses[:, 2, 3]
     planar = second.places.planar_poses(torch.from_numpy(places)).numpy()
     for done, k in enumerate(places):

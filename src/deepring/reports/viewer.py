@@ -17,6 +17,7 @@ from deepring.text import printable
 TIMELINE = "scan"
 
 
+<<<<<<< HEAD
 def rerun() -> Any:
     """The library. Raises ConfigError if it is not installed."""
     library = checks.installed("view", "rerun", "rerun", "view")
@@ -24,6 +25,16 @@ def rerun() -> Any:
         raise ConfigError(
             "view: rerun is switched off in the environment, expected RERUN=1 or no such variable"
         )
+=======
+def rerun(argument: str = "view") -> Any:
+    """The library. Raises ConfigError, about ``argument``, if it is not installed."""
+    try:
+        import rerun as library
+    except ImportError as error:
+        raise ConfigError(
+            f"{argument}: rerun is not installed, expected it; run pip install 'deepring[view]'"
+        ) from error
+>>>>>>> trial
     return library
 
 

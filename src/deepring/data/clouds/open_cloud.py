@@ -54,7 +54,15 @@ def open_cloud(
     if metadata is not None:
         yield open_autoware(path, metadata, warn)
         return
-    files = [open_cloud_file(file) for file in _files(path)]
+    named = _files(path)
+    if path.is_dir():
+        others = [one for one in files_with(path, set(OPENERS)) if one not in named]
+        if others:
+            warn(
+                f"{path}: left out {len(others)} files beside the {named[0].suffix} files, first "
+                f"{others[0].name}"
+            )
+    files = [open_cloud_file(file) for file in named]
     with tempfile.TemporaryDirectory(prefix="deepring_tiles_") as folder:
         yield sorted_tiles(str(path), files, Path(folder), progress)
 
@@ -73,5 +81,6 @@ def _files(path: Path) -> list[Path]:
         return tiles
     raise FileError(
         f"cloud {path}: {len(tiles)} .pcd files and no {METADATA}, in it or beside it; expected it "
-        "to hold x_resolution, y_resolution and a line NAME.pcd: [x, y] for each tile"
+        "to hold x_resolution, y_resolution and a line NAME.pcd: [x, y] for each tile; scans of a "
+        "drive are given with their `poses`"
     )

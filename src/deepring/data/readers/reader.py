@@ -73,7 +73,9 @@ def existing_root(root: Path | str) -> Path:
         folder = folder.resolve()
     if not folder.is_dir():
         state = "is a file" if folder.exists() else "does not exist"
-        raise DataError(f"root: {folder} {state}; expected the folder of the dataset")
+        raise DataError(
+            f"root: {folder} {state}; expected the folder of a dataset, or a drive.yaml"
+        )
     return folder
 
 

@@ -116,7 +116,10 @@ def _off(cloud: TiledCloud, path: NDArray[np.float64], found: NDArray[np.bool_])
     below = [_height_at(cloud, position) for position in path[~found]]
     known = np.array([z for z in below if np.isfinite(z)])
     if len(known) and abs(float(np.median(path[~found, 2])) - float(np.median(known))) < _BELOW:
-        return f"{text}: the points there show no level surface; expected a cloud with its ground"
+        return (
+            f"{text}: the points there show no level surface; expected poses in the cloud's "
+            "coordinates, and a cloud with its ground"
+        )
     if len(known):
         apart = float(np.median(path[~found, 2])) - float(np.median(known))
         return (

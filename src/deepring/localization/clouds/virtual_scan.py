@@ -12,6 +12,10 @@ from deepring.data.clouds.tiles import TiledCloud
 from deepring.data.session import Points
 from deepring.errors import ConfigError
 
+#: Degrees between the lowest and the highest elevation. The narrowest sensors see 20 and more, and
+#: all numbers in radians lie within 3.2.
+LEAST_FOV = 4.0
+
 
 @dataclass(frozen=True)
 class VirtualSensor:
@@ -43,6 +47,11 @@ class VirtualSensor:
         low, high = checks.interval("fov", self.fov, "degrees")
         if low < -90 or high > 90:
             raise ConfigError(f"fov: {low:g} to {high:g}, expected degrees from -90 to 90")
+        if high - low < LEAST_FOV:
+            raise ConfigError(
+                f"fov: {low:g} to {high:g}, expected at least {LEAST_FOV:g} degrees between them; "
+                "radians are not taken"
+            )
         for name in ("reach", "azimuth_bin", "elevation_bin", "behind"):
             checks.positive(f"sensor.{name}", getattr(self, name))
         checks.count("sensor.most_bins", self.most_bins)
