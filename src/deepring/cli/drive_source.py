@@ -6,16 +6,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-<<<<<<< HEAD
-from deepring.cli.options import ground_in, open_drive
-=======
-from deepring.cli.notices import say_skipped, warn
-from deepring.cli.options import expect_meant, open_drive
-from deepring.data.inspection.recording import inspect_recording
->>>>>>> trial
+from deepring.cli.options import expect_meant, ground_in, open_drive
 from deepring.data.readers.custom import has_poses, record_custom
 from deepring.data.readers.custom.drive_file import is_drive_file
-from deepring.data.recording import Recording, is_recording, open_recording, recorded_session
+from deepring.data.recording import (
+    Recording,
+    is_recording,
+    open_recording,
+    recorded_session,
+)
+from deepring.data.scans.bag_files import is_bag
 from deepring.data.session import Session
 from deepring.errors import ConfigError, FileError
 
@@ -59,27 +59,17 @@ def _recording(args: argparse.Namespace) -> Recording | None:
             f"{args.root}: no such file or folder; expected a bag, a folder of scans, a dataset "
             "or a drive.yaml"
         )
-<<<<<<< HEAD
+    _expect_meant(args)
     if is_recording(args.root):
         return open_recording(args.root, args.topic, args.format, args.every)
-=======
-    _expect_meant(args)
-    if is_bag(args.root):
-        return recorded_bag(args.root, args.topic, args.every)
->>>>>>> trial
     if is_drive_file(args.root):
         if has_poses(args.root, args.session):
             return None
         return record_custom(args.root, args.session, args.every)
-<<<<<<< HEAD
-=======
-    if has_scans(args.root):
-        return recorded_files(args.root, args.format, args.every)
     if args.root.is_file():
         raise FileError(
             f"{args.root}: one file, expected a bag, a folder of scans, a dataset or a drive.yaml"
         )
->>>>>>> trial
     return None
 
 
@@ -89,6 +79,6 @@ def _expect_meant(args: argparse.Namespace) -> None:
     expect_meant(
         args,
         topic=None if bag else "a bag",
-        session="a dataset or a drive.yaml" if bag or has_scans(args.root) else None,
+        session="a dataset or a drive.yaml" if is_recording(args.root) else None,
         format="a folder" if bag else None,
     )

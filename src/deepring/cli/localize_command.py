@@ -29,7 +29,7 @@ from deepring.data.recording import recorded_session, scan_of_file
 from deepring.data.scans.bag_files import bag_scans, is_bag
 from deepring.data.scans.names import ending_of
 from deepring.data.scans.point_times import TimedPoints
-from deepring.data.scans.scan_files import scan_files
+from deepring.data.scans.scan_files import read_scan, scan_files
 from deepring.errors import ConfigError, DeepringError
 from deepring.localization.location import Location
 from deepring.localization.map import Map
@@ -146,16 +146,6 @@ def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
         yield Scan(file, None, read, args.ground_z, file.parent)
 
 
-<<<<<<< HEAD
-=======
-def _of_drive(session: Session, k: int) -> TimedPoints:
-    return TimedPoints(session.points(k), None)
-
-
-def _of_file(file: Path, binary: str | None) -> TimedPoints:
-    return TimedPoints(read_scan(file, binary), None)
-
-
 def _expect_meant(files: Sequence[Path], args: argparse.Namespace) -> None:
     """Raise ConfigError for options that the scans leave without a meaning, or that they lack."""
     bags, drives = any(map(is_bag, files)), any(map(is_drive_file, files))
@@ -170,7 +160,6 @@ def _expect_meant(files: Sequence[Path], args: argparse.Namespace) -> None:
         read_scan(binary[0])  # says once which formats there are
 
 
->>>>>>> trial
 def _expect_refinable(place_map: Map, file: Path) -> None:
     """Raise ConfigError for a map without points, and without the library that registers them."""
     if place_map.points is None:

@@ -11,14 +11,9 @@ from numpy.typing import NDArray
 
 from deepring.cli.looking import expect_lookable
 from deepring.cli.map_command import look, show
-<<<<<<< HEAD
 from deepring.cli.notices import warn
-from deepring.cli.options import expect_new, ground_in, network_of, open_drive
-=======
-from deepring.cli.notices import say_skipped, warn
-from deepring.cli.options import expect_meant, expect_new, network_of, open_drive
+from deepring.cli.options import expect_meant, expect_new, ground_in, network_of, open_drive
 from deepring.data.clouds.autoware import METADATA, metadata_of
->>>>>>> trial
 from deepring.data.clouds.open_cloud import is_cloud, open_cloud
 from deepring.data.inspection.trajectory import expect_drive
 from deepring.data.left_out import LeftOut
@@ -26,18 +21,14 @@ from deepring.data.poses.path_file import read_path
 from deepring.data.poses.trajectory import Trajectory
 from deepring.data.poses.tum import read_tum
 from deepring.data.recording import is_recording, open_recording
+from deepring.data.scans.bag_files import is_bag
 from deepring.data.session import Session
 from deepring.errors import ConfigError, DataError
 from deepring.localization.clouds.cloud_map import map_of_cloud
 from deepring.localization.clouds.virtual_scan import VirtualSensor
 from deepring.localization.map import Map
-<<<<<<< HEAD
-from deepring.localization.map_building import SPACING, add_recording, add_session
-from deepring.progress import Progress, progress_bar
-=======
 from deepring.localization.map_building import SPACING, TOLERANCE_S, add_recording, add_session
-from deepring.progress import progress_bar
->>>>>>> trial
+from deepring.progress import Progress, progress_bar
 from deepring.search.search_settings import SearchSettings
 
 #: Options of one of the two kinds of maps alone, by their names in the parser.
@@ -95,7 +86,7 @@ def build(args: argparse.Namespace) -> None:
 
 def _is_recording(root: Path, args: argparse.Namespace) -> bool:
     """Whether a folder of .pcd files holds scans of a drive: no metadata of tiles, but poses."""
-    named = root.is_dir() and metadata_of(root) is None and has_scans(root)
+    named = root.is_dir() and metadata_of(root) is None and is_recording(root)
     return named and args.poses is not None
 
 
@@ -130,7 +121,7 @@ def _map_of_drives(args: argparse.Namespace) -> Built:
         warn(str(left_out))
         if left_out.without_pose:
             warn(
-                f"{drive.scans.name}: {left_out.without_pose} of {left_out.total} scans have no "
+                f"{drive.name}: {left_out.without_pose} of {left_out.total} scans have no "
                 f"pose within {TOLERANCE_S:g} s before and after them"
             )
         reasons += left_out.reasons
@@ -147,17 +138,13 @@ def _drives(args: argparse.Namespace) -> list[Drive]:
             "--session: given with several folders, expected one folder; a drive.yaml that holds a "
             "single session names it"
         )
-<<<<<<< HEAD
     recordings = [root for root in args.roots if is_recording(root)]
-=======
-    recordings = [root for root in args.roots if is_bag(root) or has_scans(root)]
     expect_meant(
         args,
         topic=None if any(map(is_bag, args.roots)) else "a bag",
         session="a dataset or a drive.yaml" if len(recordings) == len(args.roots) else None,
     )
     _expect_once(args.roots, args.session or [])
->>>>>>> trial
     poses = dict(zip(recordings, _poses(recordings, args.poses or []), strict=True))
     drives = []
     for root in args.roots:

@@ -17,24 +17,14 @@ from deepring.text import printable
 TIMELINE = "scan"
 
 
-<<<<<<< HEAD
-def rerun() -> Any:
-    """The library. Raises ConfigError if it is not installed."""
-    library = checks.installed("view", "rerun", "rerun", "view")
-    if not library.RecordingStream("deepring").is_enabled():
-        raise ConfigError(
-            "view: rerun is switched off in the environment, expected RERUN=1 or no such variable"
-        )
-=======
 def rerun(argument: str = "view") -> Any:
     """The library. Raises ConfigError, about ``argument``, if it is not installed."""
-    try:
-        import rerun as library
-    except ImportError as error:
+    library = checks.installed(argument, "rerun", "rerun", "view")
+    if not library.RecordingStream("deepring").is_enabled():
         raise ConfigError(
-            f"{argument}: rerun is not installed, expected it; run pip install 'deepring[view]'"
-        ) from error
->>>>>>> trial
+            f"{argument}: rerun is switched off in the environment, expected RERUN=1 or no such "
+            "variable"
+        )
     return library
 
 
