@@ -40,7 +40,7 @@ def here(tmp_path):
 def scenes(monkeypatch):
     """What would be saved and shown: scenes, and the files of those that are saved."""
     seen = []
-    monkeypatch.setattr(viewer, "rerun", lambda argument="view": None)
+    monkeypatch.setattr(viewer, "rerun", lambda _="view": None)
     monkeypatch.setattr(viewer, "expect_display", lambda: None)
     monkeypatch.setattr(viewer, "view", lambda scene: seen.append((scene, None)))
     monkeypatch.setattr(viewer, "save_view", lambda scene, path: seen.append((scene, path.name)))
