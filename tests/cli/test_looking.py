@@ -40,7 +40,7 @@ def here(tmp_path):
 def scenes(monkeypatch):
     """What would be saved and shown: scenes, and the files of those that are saved."""
     seen = []
-    monkeypatch.setattr(viewer, "rerun", lambda: None)
+    monkeypatch.setattr(viewer, "rerun", lambda _="view": None)
     monkeypatch.setattr(viewer, "expect_display", lambda: None)
     monkeypatch.setattr(viewer, "view", lambda scene: seen.append((scene, None)))
     monkeypatch.setattr(viewer, "save_view", lambda scene, path: seen.append((scene, path.name)))
@@ -112,9 +112,9 @@ def test_what_cannot_be_is_refused_before_the_work(command, here, tmp_path, monk
     (tmp_path / "old.html").write_text("kept")
     (tmp_path / "old.rrd").write_text("kept")
     monkeypatch.setitem(sys.modules, "rerun", None)
-    missing = "--view: rerun is not installed, expected it; run pip install 'deepring[view]'"
-    refused(here(*command, "--view"), missing)
-    refused(here(*command, "--view-file", "new.rrd"), missing)
+    missing = ": rerun is not installed, expected it; run pip install 'deepring[view]'"
+    refused(here(*command, "--view"), f"--view{missing}")
+    refused(here(*command, "--view-file", "new.rrd"), f"--view-file{missing}")
     refused(here(*command, "--view-file", "old.rrd"), "--view-file: old.rrd exists")
     refused(here(*command, "--view-file", "new.map"), "expected a name that ends in .rrd")
     if command[0] != "loops":  # which writes its page in any case
