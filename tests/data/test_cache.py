@@ -511,6 +511,18 @@ def test_a_flipped_bit_anywhere_changes_no_raster(tmp_path_factory, data):
     assert np.array_equal(cache.load(scans, SMALL)[1].data, first)
 
 
+def test_a_file_that_only_its_header_forbids_to_write_is_made_anew(tmp_path, caplog):
+    cache, scans = RasterCache(tmp_path / "cache"), scan_set(tmp_path / "s")
+    cache.load(scans, SMALL)
+    content = bytearray(cache.path.read_bytes())
+    content[18] = 3  # the version that writes; SQLite knows 1 and 2
+    cache.path.write_bytes(content)
+    changed = scan_set(tmp_path / "s", n=8)  # rows have to be stored again
+    expected = RasterCache(tmp_path / "other").load(changed, SMALL)[1].data
+    assert np.array_equal(cache.load(changed, SMALL)[1].data, expected)
+    assert any("is damaged" in message for message in caplog.messages)
+
+
 @pytest.mark.parametrize("column", ["size", "changed_ns", "image", "checksum"])
 @pytest.mark.parametrize("value", [None, -1, 2**62, 0.5, "text", b"", bytes(72), bytes(10**5)])
 def test_rows_that_are_not_as_they_were_stored_are_made_again(column, value, tmp_path, caplog):

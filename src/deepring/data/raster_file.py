@@ -112,7 +112,7 @@ class RasterFile:
             except UnicodeDecodeError:
                 pass  # text of the file, such as a table's name
             except sqlite3.DatabaseError as error:
-                if not _is_damage(error):
+                if not _is_damage(error, self.path):
                     raise
             self._set_aside()
             return self._do(work)
@@ -154,10 +154,12 @@ class _OtherTablesError(sqlite3.DatabaseError):
     """A file with other tables than the cache has."""
 
 
-def _is_damage(error: sqlite3.DatabaseError) -> bool:
+def _is_damage(error: sqlite3.DatabaseError, path: Path) -> bool:
     if isinstance(error, _OtherTablesError):
         return True
     code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR)
+    if code == sqlite3.SQLITE_READONLY:  # the file says so, if the system does not
+        return os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)
     return code & 0xFF in _DAMAGED or code in _CUT_SHORT
 
 
