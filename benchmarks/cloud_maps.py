@@ -13,12 +13,13 @@ of trust: of the located ones.
 import argparse
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import torch
+from cloud_on_disk import write_pcd
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
@@ -71,25 +72,15 @@ def data_of(kind: str, root: str, every: int) -> Data:
 
 def write_fused(data: Data, file: Path) -> None:
     """One PCD file of all scans, double precision, in the world of the poses."""
-    clouds = file.with_suffix(".points")
-    count = 0
-    with clouds.open("wb") as out:
+
+    def scans() -> Iterator[NDArray[np.float64]]:
         for k in data.fused.tolist():
             points = data.drive.points(k)
             points = points[is_return(points)].astype(np.float64)
             points = points[np.hypot(points[:, 0], points[:, 1]) < FUSED]
-            pose = data.drive.poses[k]
-            (moved_points(points, pose)).astype("<f8").tofile(out)
-            count += len(points)
-    head = (
-        "VERSION 0.7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\n"
-        f"WIDTH {count}\nHEIGHT 1\nPOINTS {count}\nDATA binary\n"
-    )
-    with file.open("wb") as out, clouds.open("rb") as points:
-        out.write(head.encode())
-        while block := points.read(1 << 24):
-            out.write(block)
-    clouds.unlink()
+            yield moved_points(points, data.drive.poses[k])
+
+    write_pcd(file, scans(), 8)
 
 
 def ask(place_map: Map, data: Data, seed: int) -> str:

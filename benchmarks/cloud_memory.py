@@ -13,9 +13,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from cloud_on_disk import write_pcd
 
 #: Side of a block with its street, and of its houses, metres; of the height of houses.
 BLOCK, HOUSE = 60.0, 36.0
@@ -48,23 +50,14 @@ def write_city(file: Path, millions: int, ordered: bool) -> float:
     """The file, and the side of the city in metres."""
     rng = np.random.default_rng(0)
     side = BLOCK * max(2, round((millions * 1e6 / 100) ** 0.5 / BLOCK))  # 100 points a square metre
-    body, count = file.with_suffix(".body"), 0
-    with body.open("wb") as out:
+
+    def lots() -> Iterator[np.ndarray]:
         for lot in range(round(millions * 1.25)):
             share = lot / (millions * 1.25)
             low, high = (side * share, side * share + 5) if ordered else (0.0, side)
-            points = city(rng, low, min(high, side), side, LOT)
-            points.astype("<f4").tofile(out)
-            count += len(points)
-    head = (
-        "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
-        f"WIDTH {count}\nHEIGHT 1\nPOINTS {count}\nDATA binary\n"
-    )
-    with file.open("wb") as out, body.open("rb") as points_file:
-        out.write(head.encode())
-        while block := points_file.read(1 << 24):
-            out.write(block)
-    body.unlink()
+            yield city(rng, low, min(high, side), side, LOT)
+
+    count = write_pcd(file, lots(), 4)
     print(f"{count / 1e6:.0f} million points, {side:.0f} x {side:.0f} m")
     return side
 
