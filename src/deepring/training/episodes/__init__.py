@@ -9,4 +9,4 @@ from deepring.training.episodes.episode_losses import class_scores as class_scor
 from deepring.training.episodes.episode_scheme import Episode as Episode
 from deepring.training.episodes.episode_scheme import EpisodeScheme as EpisodeScheme
 from deepring.training.episodes.episode_scheme import EpisodeSet as EpisodeSet
-from deepring.training.episodes.episode_scheme import Places as Places
+from deepring.training.episodes.places import Places as Places
