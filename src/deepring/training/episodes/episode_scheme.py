@@ -5,13 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from deepring.checks import count, positive, share
 from deepring.data.packed_rasters import Rasters
 from deepring.errors import ConfigError
 from deepring.methods.network import NetworkMethod
 from deepring.training.episodes.episode_losses import EpisodeLoss
+from deepring.training.episodes.graded_losses import GradedLoss
 from deepring.training.episodes.places import Places
 from deepring.training.scheme import Step, TrainingScheme, TrainingSet
 from deepring.training.training_scans import TrainingScans, check_radii
@@ -24,6 +25,8 @@ class Episode(NamedTuple):
     """(ways * (shots + queries), *raster.shape)."""
     ways: int
     shots: int
+    distances: Tensor
+    """(ways * queries, ways, shots) float32, metres from queries to shots, 1e6 between datasets."""
 
     def split(self, rows: Tensor) -> tuple[Tensor, Tensor]:
         """Views (ways, shots, ...) and (ways, queries, ...) of rows in the order of ``rasters``."""
@@ -42,6 +45,10 @@ class EpisodeScheme(TrainingScheme):
     ``negative_radius`` at different places. With the probability ``neighbours`` the next way lies
     within ``neighbour_radius`` of one of the last three, along the street or across; elsewhere, and
     where no such way is left, anywhere.
+
+    With ``overlapping``, ``negative_radius`` is kept between the shots of different ways alone, and
+    may be below ``positive_radius``: a query may be at the places of several ways, and needs a
+    `GradedLoss`.
     """
 
     loss_type = EpisodeLoss
@@ -54,12 +61,17 @@ class EpisodeScheme(TrainingScheme):
     negative_radius: float = 20.0
     neighbours: float = 0.0
     neighbour_radius: float = 35.0
+    overlapping: bool = False
 
     def __post_init__(self) -> None:
         count("sampling.ways", self.ways, 2)
         for name in ("shots", "queries", "per_epoch"):
             count(f"sampling.{name}", getattr(self, name))
-        check_radii(self.positive_radius, self.negative_radius)
+        if self.overlapping:
+            positive("sampling.positive_radius", self.positive_radius, "metres")
+            positive("sampling.negative_radius", self.negative_radius, "metres")
+        else:
+            check_radii(self.positive_radius, self.negative_radius)
         share("sampling.neighbours", self.neighbours)
         positive("sampling.neighbour_radius", self.neighbour_radius, "metres")
         if self.neighbours and not self.neighbour_radius > self.negative_radius:
@@ -78,8 +90,22 @@ class EpisodeScheme(TrainingScheme):
     def step(self, method: NetworkMethod, loss: EpisodeLoss, batch: Episode) -> Step:
         """Compare each query of the episode with all ways, by the method's similarity."""
         support, query = batch.split(method(batch.rasters))
-        targets = torch.arange(batch.ways, device=query.device).repeat_interleave(query.shape[1])
+        if isinstance(loss, GradedLoss):
+            targets = loss.targets(batch.distances)
+        else:
+            own = torch.arange(batch.ways, device=query.device)
+            targets = own.repeat_interleave(query.shape[1])
         return loss(query.flatten(0, 1), support, targets, method.score)
+
+    def expect_loss(self, loss: nn.Module) -> None:
+        """Raise ConfigError unless the loss is of episodes, and graded if ways overlap."""
+        super().expect_loss(loss)
+        if self.overlapping and not isinstance(loss, GradedLoss):
+            raise ConfigError(
+                f"sampling.overlapping: true, but {type(loss).__name__} knows one right way, "
+                "expected a loss with targets by distance; choose loss=graded_cross_entropy or "
+                "loss=smooth_ap, or sampling.overlapping=false"
+            )
 
 
 class EpisodeSet(TrainingSet[Episode]):
@@ -96,5 +122,8 @@ class EpisodeSet(TrainingSet[Episode]):
         """Episode ``index``."""
         scans = self.places.sample(np.random.default_rng([self.seed, index]))
         ways, shots = self.places.scheme.ways, self.places.scheme.shots
-        order = np.concatenate([scans[:, :shots].ravel(), scans[:, shots:].ravel()])
-        return Episode(self.rasters[order], ways, shots)
+        support, queries = scans[:, :shots], scans[:, shots:].ravel()
+        rasters = self.rasters[np.concatenate([support.ravel(), queries])]
+        points = self.places.points
+        distances = np.linalg.norm(points[queries][:, None, None] - points[support], axis=-1)
+        return Episode(rasters, ways, shots, torch.from_numpy(distances).float())
