@@ -157,9 +157,8 @@ def street():
 def test_overlapping_ways_keep_their_shots_apart_and_their_scans_together(shots):
     positions = street()
     scheme = EpisodeScheme(8, shots, 3, negative_radius=9.0, neighbours=1.0, overlapping=True)
-    scans = TrainingScans(
-        positions, np.zeros(400, dtype=np.int64), np.zeros(400), some_scans(100, 4).rasters
-    )
+    zeros = np.zeros(400, dtype=np.int64)
+    scans = TrainingScans(positions, zeros, np.zeros(400), some_scans(100, 4).rasters, zeros)
     episodes = scheme.training_set(scans, seed=0)
     shared = 0
     for index in range(4):
