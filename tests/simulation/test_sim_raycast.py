@@ -86,7 +86,7 @@ def test_nothing_is_seen_beyond_the_range():
 def test_box_side_top_and_bottom():
     things = PrismList()
     things.box((10.0, 0.0), (4.0, 2.0), 0.0, (-0.5, 1.0))  # lower than the sensor
-    things.rows.append((0.0, 10.0, 3.0, 5.0, 2.0, 1.0, np.pi / 2, 0, 0.0, 0, 0.4, 3))  # floats
+    things.box((0.0, 10.0), (4.0, 2.0), np.pi / 2, (3.0, 5.0), grounded=False)
     slopes = np.array([-0.2, -0.09, 0.14, 0.2])
     four = Fan(0.0, np.tile(slopes, (4, 1)))
     distance, hit = shoot(four, things.freeze())

@@ -3,7 +3,7 @@
 import numpy as np
 
 from deepring.simulation.buildings import Building
-from deepring.simulation.shapes import DATABASE, QUERY
+from deepring.simulation.shapes import DATABASE, QUERY, PointClass
 from deepring.simulation.yard import Character, StreetSide, Yard
 
 _AT_CROSSING = 6.0  # buildings keep this distance from the crossing street's corridor (metres)
@@ -38,7 +38,7 @@ def _place_building(
         change = yard.settings.structures_changed if part in building.facade else 0.0
         size = (part.length, part.depth, part.height * tall)
         place = plot.at(mirror * part.along, part.away)
-        yard.box(place, size, side.yaw, shade, yard.session(change))
+        yard.box(place, size, side.yaw, PointClass.BUILDING, shade, yard.session(change))
 
 
 def place_trees(side: StreetSide, character: Character, yard: Yard) -> None:
@@ -60,40 +60,42 @@ def _place_tree(place: tuple[float, float], yard: Yard) -> None:
     sessions = yard.session(yard.settings.trees_changed)
     base, top = yard.between(2.0, 3.5), yard.between(5.0, 10.0)
     radius, depth = yard.between(1.6, 4.0), yard.between(1.0, 2.5)
-    yard.post(place, yard.between(0.12, 0.35), base + 1.0, sessions)
+    yard.post(place, yard.between(0.12, 0.35), base + 1.0, PointClass.TRUNK, sessions)
     yard.crown(place, radius, (base, top), depth, sessions)
 
 
 def place_structures(side: StreetSide, yard: Yard) -> None:
     """Place poles at the kerb, walls, sheds and small clutter."""
-    change, kerb = yard.settings.structures_changed, yard.settings.corridor + 0.3
+    kerb = yard.settings.corridor + 0.3
     position = yard.between(5.0, 30.0)
     while position < side.length:
-        yard.post(side.at(position, kerb), yard.between(0.08, 0.2), yard.between(4.0, 9.0))
+        radius, height = yard.between(0.08, 0.2), yard.between(4.0, 9.0)
+        yard.post(side.at(position, kerb), radius, height, PointClass.POLE)
         position += yard.between(22.0, 38.0)
     for _ in range(int(yard.rng.poisson(side.length / 90.0))):
         size = (yard.between(6.0, 16.0), 0.3, yard.between(1.2, 2.6))
-        _scatter(side, size, (2.5, 4.0), yard, change)
+        _scatter(side, size, (2.5, 4.0), PointClass.WALL, yard)
     for _ in range(int(yard.rng.poisson(side.length / 80.0))):
         size = (yard.between(2.0, 6.5), yard.between(2.0, 3.5), yard.between(2.2, 3.5))
-        _scatter(side, size, (3.0, 26.0), yard, change)
+        _scatter(side, size, (3.0, 26.0), PointClass.BUILDING, yard)
     for _ in range(int(yard.rng.poisson(side.length / 20.0))):
         size = (yard.between(0.4, 1.8), yard.between(0.4, 0.9), yard.between(0.7, 1.6))
-        _scatter(side, size, (0.5, 4.0), yard, change)
+        _scatter(side, size, (0.5, 4.0), PointClass.OTHER, yard)
 
 
 def _scatter(
     side: StreetSide,
     size: tuple[float, float, float],
     band: tuple[float, float],
+    kind: PointClass,
     yard: Yard,
-    change: float,
 ) -> None:
     """Place one box at random along the side, ``band`` metres beyond the corridor."""
     away = yard.settings.corridor + size[1] / 2 + yard.between(*band)
     place = side.at(yard.between(0.0, side.length), away)
     yaw = side.yaw + yard.between(-0.05, 0.05)
-    yard.box(place, size, yaw, yard.between(0.2, 0.6), yard.session(change))
+    shade, sessions = yard.between(0.2, 0.6), yard.session(yard.settings.structures_changed)
+    yard.box(place, size, yaw, kind, shade, sessions)
 
 
 def park_cars(side: StreetSide, yard: Yard, cars: Yard) -> None:
@@ -116,4 +118,5 @@ def _park(place: tuple[float, float], yaw: float, cars: Yard, session: int) -> N
     van = cars.chance(0.15)
     height = cars.between(2.0, 2.6) if van else cars.between(1.4, 1.8)
     size = (cars.between(4.8, 5.6) if van else cars.between(3.8, 4.8), 1.8, height)
-    cars.box(place, size, yaw + cars.between(-0.04, 0.04), cars.between(0.2, 0.9), session)
+    yaw += cars.between(-0.04, 0.04)
+    cars.box(place, size, yaw, PointClass.PARKED_CAR, cars.between(0.2, 0.9), session)

@@ -9,7 +9,7 @@ from deepring.simulation.buildings import draw_prototypes
 from deepring.simulation.furnish import park_cars, place_buildings, place_structures, place_trees
 from deepring.simulation.ground import Ground, rolling_ground
 from deepring.simulation.settings import SimulationSettings
-from deepring.simulation.shapes import DATABASE, PrismList, Prisms
+from deepring.simulation.shapes import DATABASE, PointClass, PrismList, Prisms
 from deepring.simulation.streets import Streets, clearance, street_grid
 from deepring.simulation.yard import Yard, sides_of
 
@@ -82,7 +82,9 @@ def moving_objects(
         if things.chance(settings.mover_vehicle_share):
             tall = things.chance(0.15)
             size = (9.0, 2.5, 3.2) if tall else (things.between(3.8, 4.8), 1.8, 1.6)
-            things.box(place, size, heading + things.between(-0.15, 0.15), things.between(0.2, 0.9))
+            yaw = heading + things.between(-0.15, 0.15)
+            things.box(place, size, yaw, PointClass.MOVING_CAR, things.between(0.2, 0.9))
         else:
-            things.post(place, things.between(0.22, 0.4), things.between(1.5, 1.9))
+            radius, height = things.between(0.22, 0.4), things.between(1.5, 1.9)
+            things.post(place, radius, height, PointClass.MOVING_PERSON)
     return things.prisms.freeze()

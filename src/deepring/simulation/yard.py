@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from deepring.simulation.ground import Ground
 from deepring.simulation.settings import SimulationSettings
-from deepring.simulation.shapes import BOTH, DATABASE, QUERY, PrismList
+from deepring.simulation.shapes import BOTH, DATABASE, QUERY, PointClass, PrismList
 from deepring.simulation.streets import Street, Streets
 
 FloatArray = NDArray[np.float64]
@@ -95,20 +95,27 @@ class Yard:
         place: tuple[float, float],
         size: tuple[float, float, float],
         yaw: float,
+        kind: PointClass,
         shade: float = 0.4,
         sessions: int = BOTH,
     ) -> None:
         """Stand a box of ``size`` (length, width, height) on the ground."""
         base = self.level(place)
         z = (base - _FOOT, base + size[2])
-        self.prisms.box(place, size[:2], yaw, z, reflectance=shade, sessions=sessions)
+        self.prisms.box(place, size[:2], yaw, z, reflectance=shade, sessions=sessions, kind=kind)
 
     def post(
-        self, place: tuple[float, float], radius: float, height: float, sessions: int = BOTH
+        self,
+        place: tuple[float, float],
+        radius: float,
+        height: float,
+        kind: PointClass,
+        sessions: int = BOTH,
     ) -> None:
         """Stand an opaque cylinder on the ground."""
         base = self.level(place)
-        self.prisms.cylinder(place, radius, (base - _FOOT, base + height), sessions=sessions)
+        span = (base - _FOOT, base + height)
+        self.prisms.cylinder(place, radius, span, sessions=sessions, kind=kind)
 
     def crown(
         self,
@@ -121,4 +128,12 @@ class Yard:
         """Hang foliage over ``place``, between the heights ``z`` above the ground."""
         base = self.level(place)
         span = (base + z[0], base + z[1])
-        self.prisms.cylinder(place, radius, span, depth=depth, reflectance=0.55, sessions=sessions)
+        self.prisms.cylinder(
+            place,
+            radius,
+            span,
+            depth=depth,
+            reflectance=0.55,
+            sessions=sessions,
+            kind=PointClass.CROWN,
+        )
