@@ -4,9 +4,11 @@ from deepring.simulation.furnish import park_row, place_lamps, place_tree
 from deepring.simulation.kinds.gardens import place_border, place_villa
 from deepring.simulation.kinds.houses import TERRACE, TOWN, place_row
 from deepring.simulation.kinds.kerbs import place_kerbside
+from deepring.simulation.kinds.openings import place_opening
 from deepring.simulation.streets import Streets
 from deepring.simulation.yard import StreetSide, Yard, sides_of
 
+_OPENINGS, _ROWS = 0.1, 0.4  # shares of the plots; the others are villas
 _PARKED = 1.0  # a row of parked cars is this far beyond the free street (metres)
 _PAVEMENT = (3.0, 4.2)  # and the gardens and fronts so far, in a range
 _PASSAGE = (1.2, 3.5)  # width of the passages between rows
@@ -41,10 +43,14 @@ def furnish_side(side: StreetSide, old_town: bool, yard: Yard, cars: Yard) -> No
 def _place_homes(
     side: StreetSide, span: tuple[float, float], line: float, yard: Yard, cars: Yard
 ) -> None:
-    """Groups of villas in gardens and of terraced houses behind small front gardens."""
+    """Villas in gardens, rows of terraced houses behind small front gardens, and openings."""
     position, end = span
     while end - position > 5.0:
-        if yard.chance(0.4):
+        if yard.chance(_OPENINGS):
+            stop = min(position + yard.between(12.0, 28.0), end)
+            place_opening(side, (position, stop), line, yard, cars)
+            position = stop
+        elif yard.chance(_ROWS):
             stop = min(position + yard.between(14.0, 45.0), end)
             garden = yard.between(0.3, 5.0)
             place_row(side, (position, stop), line + garden, TERRACE, yard)
