@@ -147,7 +147,8 @@ class StreetSet(TrainingSet[StreetBatch]):
 
     def _stretch(self, drive: Scans, before: list[int], spacing: float) -> list[int]:
         """The first scans of a drive that lie beyond ``spacing`` of each other and those before."""
-        points, chosen = self.points[drive], []
+        points = self.points[drive]
+        chosen: list[int] = []
         free = np.ones(len(drive), dtype=np.bool_)
         for place in before:
             free &= np.linalg.norm(points - self.points[place], axis=1) > spacing
