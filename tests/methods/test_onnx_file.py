@@ -17,7 +17,6 @@ from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.rasters import BevRaster, PointsRaster, PolarRaster, raster_settings
 from helpers.networks import deepring_settings
 
-
 PAIRS = {"aggregation": "cross_spectra", "gaps": [18, 36], "frequencies": 7}
 
 
