@@ -316,3 +316,13 @@ def test_every_command_of_the_docs_composes(page, command, composed):
     cfg = composed(*downloads, *overrides, name=name)
     if cfg.method is not None:
         assert build.method(cfg.method).raster.shape
+
+
+def test_the_augmentation_is_none_unless_chosen(composed):
+    assert build.augmentation(composed(ROOT, "method=deepring_small").augmentation) is None
+    chosen = build.augmentation(composed(ROOT, "augmentation=partial").augmentation)
+    assert (chosen.blind, chosen.blind_width, chosen.dropped) == (0.3, (20.0, 130.0), 0.3)
+    with pytest.raises(DeepringError, match=r"augmentation\.blind: 2"):
+        build.augmentation(
+            composed(ROOT, "augmentation=partial", "augmentation.blind=2").augmentation
+        )

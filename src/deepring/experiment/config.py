@@ -87,6 +87,8 @@ class Config:
     methods: dict[str, Any] = field(default_factory=dict)
     #: The training scheme, see `deepring.training.scheme`, and how its batches are sampled.
     sampling: dict[str, Any] | None = None
+    #: What training scans lose, see `deepring.training.augmentation`; nothing with null.
+    augmentation: dict[str, Any] | None = None
     evaluation: EvaluationSettings = field(default_factory=EvaluationSettings)
     paths: PathsConfig = field(default_factory=PathsConfig)
     # Built by hydra's instantiate, which checks their arguments.
