@@ -2,6 +2,7 @@
 
 import argparse
 from dataclasses import fields
+from typing import Any, get_args
 
 from deepring.cli.console import console
 from deepring.cli.options import expect_folder
@@ -29,9 +30,22 @@ def _parse_knob(text: str) -> tuple[str, object]:
         raise ConfigError(
             f"{text}: not a knob, expected NAME=VALUE with a NAME of {', '.join(settings)}"
         )
-    whole = settings[name].type in (int, int | None)
+    return name, _value(name, value, settings[name].type)
+
+
+def _value(name: str, text: str, kind: Any) -> object:
+    """``text`` as ``kind``, the type of the knob, e.g. ``int | None``. Raises ConfigError."""
+    kinds = get_args(kind) or (kind,)
+    if type(None) in kinds and text.lower() == "none":
+        return None
+    if bool in kinds:
+        if text.lower() not in ("true", "false"):
+            raise ConfigError(f"{name}: {text!r}, expected true or false")
+        return text.lower() == "true"
+    if int not in kinds and float not in kinds:
+        return text
     try:
-        return name, int(value) if whole else float(value)
+        return int(text) if int in kinds else float(text)
     except ValueError:
-        kind = "a whole number" if whole else "a number"
-        raise ConfigError(f"{name}: {value!r}, expected {kind}") from None
+        noun = "a whole number" if int in kinds else "a number"
+        raise ConfigError(f"{name}: {text!r}, expected {noun}") from None
