@@ -86,7 +86,7 @@ def test_nothing_is_seen_beyond_the_range():
 def test_box_side_top_and_bottom():
     things = PrismList()
     things.box((10.0, 0.0), (4.0, 2.0), 0.0, (-0.5, 1.0))  # lower than the sensor
-    things.rows.append((0.0, 10.0, 3.0, 5.0, 2.0, 1.0, np.pi / 2, 0, 0.0, 0, 0.4, 3))  # floats
+    things.box((0.0, 10.0), (4.0, 2.0), np.pi / 2, (3.0, 5.0), grounded=False)
     slopes = np.array([-0.2, -0.09, 0.14, 0.2])
     four = Fan(0.0, np.tile(slopes, (4, 1)))
     distance, hit = shoot(four, things.freeze())
@@ -114,6 +114,27 @@ def test_many_prisms_match_the_reference():
     # The ground's profile is sampled, but flat ground is a straight line between samples.
     np.testing.assert_allclose(distance, expected, rtol=1e-6)
     assert (hit >= 0).mean() > 0.2  # the comparison is about prisms, too
+
+
+def test_ceilings_above_the_sensor_match_the_reference():
+    """Boxes that hang above the sensor, and beside it, and a slab below it, which it ignores."""
+    rng = np.random.default_rng(6)
+    things = PrismList()
+    things.box((3.0, 1.0), (20.0, 9.0), 0.4, (4.0, 5.0), grounded=False)
+    things.box((-2.0, 0.5), (8.0, 30.0), 1.1, (3.0, 3.4), grounded=False)
+    things.box((0.0, 0.0), (500.0, 500.0), 0.0, (9.0, 9.5), grounded=False)
+    for _ in range(30):
+        x, y = rng.uniform(8, 40, 2) * rng.choice([-1, 1], 2)
+        z0 = rng.uniform(2.2, 8.0)
+        size = (rng.uniform(0.5, 12.0), rng.uniform(0.3, 8.0))
+        things.box((x, y), size, rng.uniform(-4, 4), (z0, z0 + 1.0), grounded=False)
+    some_fan = fan(np.linspace(-25.0, 80.0, 43), columns=301, first=0.3)
+    distance, hit = shoot(some_fan, things.freeze())
+    np.testing.assert_allclose(distance, reference(some_fan, ORIGIN, things.freeze()), rtol=1e-6)
+    assert {0, 1, 2} <= set(hit.ravel().tolist())
+    # A steep beam meets the lowest of the three above it.
+    assert hit[0, -1] == 1
+    assert distance[0, -1] == pytest.approx(1.2 / np.tan(np.deg2rad(80.0)))
 
 
 def test_a_wall_hides_what_is_behind_and_not_what_is_taller():

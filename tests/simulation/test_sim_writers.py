@@ -31,6 +31,12 @@ def decode_nclt(path):
     return words * 0.005 - 100.0, raw[:, 6], raw[:, 7]
 
 
+def of(points, reflectance):
+    """A sweep with these points, all equally bright."""
+    grid = points.shape[:2]
+    return Sweep(points, np.full(grid, reflectance), np.zeros(grid, np.uint16))
+
+
 def decode_mulran(path):
     return np.fromfile(path, "<f4").reshape(-1, 4)
 
@@ -52,7 +58,7 @@ def test_nclt_points_come_back_within_half_a_unit(roots):
 def test_nclt_wall_on_the_left_is_at_negative_y_in_the_file(tmp_path):
     points = np.full((1, 32, 3), np.nan)
     points[0, 3] = [1.0, 12.0, 2.0]  # ahead, left, above the sensor
-    write_nclt(tmp_path / "1.bin", Sweep(points, np.ones((1, 32))), hdl32e_upside_down())
+    write_nclt(tmp_path / "1.bin", of(points, 1.0), hdl32e_upside_down())
     decoded, intensity, laser = decode_nclt(tmp_path / "1.bin")
     np.testing.assert_allclose(decoded, [[1.002, -12.004, -2.957]], atol=0.0025)
     assert (intensity[0], laser[0]) == (255, 3)
@@ -61,7 +67,7 @@ def test_nclt_wall_on_the_left_is_at_negative_y_in_the_file(tmp_path):
 def test_nclt_points_beyond_64_m_need_unsigned_words(tmp_path):
     points = np.full((1, 32, 3), np.nan)
     points[0, 0] = [90.0, 0.0, 0.0]
-    write_nclt(tmp_path / "1.bin", Sweep(points, np.ones((1, 32))), hdl32e_upside_down())
+    write_nclt(tmp_path / "1.bin", of(points, 1.0), hdl32e_upside_down())
     assert decode_nclt(tmp_path / "1.bin")[0][0, 0] == pytest.approx(90.0, abs=0.005)
     assert np.fromfile(tmp_path / "1.bin", "<i2")[0] < 0  # the usual misreading
 
@@ -103,7 +109,7 @@ def test_mulran_grid_ring_and_column_order(tmp_path):
     grid = np.full((6, 64, 3), np.nan)
     grid[5, 63] = [4.0, -0.5, 1.0]  # the last column counter-clockwise, the highest beam
     grid[0, 0] = [5.0, 0.0, -1.0]
-    write_mulran(tmp_path / "1.bin", Sweep(grid, np.full((6, 64), 0.5)), os1_64())
+    write_mulran(tmp_path / "1.bin", of(grid, 0.5), os1_64())
     rows = decode_mulran(tmp_path / "1.bin")
     assert len(rows) == 6 * 64
     filled = np.flatnonzero(rows.any(axis=1))

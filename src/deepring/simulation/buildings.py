@@ -45,7 +45,7 @@ def draw_prototypes(settings: SimulationSettings, rng: np.random.Generator) -> l
 
 def _draw_building(kind: int, settings: SimulationSettings, rng: np.random.Generator) -> Building:
     width, bar, wing = rng.uniform(20.0, 32.0), rng.uniform(7.0, 11.0), rng.uniform(6.0, 12.0)
-    height = rng.uniform(9.0, 24.0) if settings.layout == "mulran" else rng.uniform(6.0, 14.0)
+    height = rng.uniform(9.0, 24.0) if settings.world == "city" else rng.uniform(6.0, 14.0)
     walls = _walls(kind, width, bar, wing, height)
     count = int(rng.poisson(settings.facade_parts))
     return Building(width, walls, tuple(_protrusion(walls, width, rng) for _ in range(count)))

@@ -1,44 +1,7 @@
-"""Places buildings, trees, poles, walls, clutter and cars along one side of a street."""
+"""Places trees, poles, walls, clutter and cars along one side of a street."""
 
-import numpy as np
-
-from deepring.simulation.buildings import Building
-from deepring.simulation.shapes import DATABASE, QUERY
+from deepring.simulation.shapes import DATABASE, QUERY, PointClass
 from deepring.simulation.yard import Character, StreetSide, Yard
-
-_AT_CROSSING = 6.0  # buildings keep this distance from the crossing street's corridor (metres)
-
-
-def place_buildings(
-    side: StreetSide, prototypes: list[Building], character: Character, yard: Yard
-) -> None:
-    """Place copies of the prototypes along the side, some mirrored, at varying setback."""
-    corridor = yard.settings.corridor
-    end = side.length - corridor - _AT_CROSSING
-    position = corridor + _AT_CROSSING + yard.between(0.0, 6.0)
-    while True:
-        building = prototypes[int(yard.rng.integers(len(prototypes)))]
-        if position + building.width > end:
-            return
-        setback = corridor + character.setback + yard.between(4.0, 7.0)
-        if yard.chance(yard.settings.building_share * character.built):
-            front = side.at(position + building.width / 2, setback)
-            _place_building(side, building, front, character.height, yard)
-        position += building.width + yard.between(3.0, 12.0)
-
-
-def _place_building(
-    side: StreetSide, building: Building, front: tuple[float, float], tall: float, yard: Yard
-) -> None:
-    """Copy a prototype to the plot with the middle of its front at ``front``."""
-    mirror = -1.0 if yard.chance(0.5) else 1.0
-    shade = yard.between(0.3, 0.7)
-    plot = StreetSide(np.array(front), side.along, side.away, building.width)
-    for part in (*building.walls, *building.facade):
-        change = yard.settings.structures_changed if part in building.facade else 0.0
-        size = (part.length, part.depth, part.height * tall)
-        place = plot.at(mirror * part.along, part.away)
-        yard.box(place, size, side.yaw, shade, yard.session(change))
 
 
 def place_trees(side: StreetSide, character: Character, yard: Yard) -> None:
@@ -47,53 +10,60 @@ def place_trees(side: StreetSide, character: Character, yard: Yard) -> None:
     position = yard.between(2.0, yard.settings.tree_spacing)
     while position < side.length:
         if yard.chance(0.7 * character.trees):
-            _place_tree(side.at(position, row + yard.between(-0.3, 0.8)), yard)
+            place_tree(side.at(position, row + yard.between(-0.3, 0.8)), yard)
         position += yard.settings.tree_spacing * yard.between(0.7, 1.5)
     if yard.chance(0.35 * character.trees):
         middle, behind = yard.between(0.2, 0.8) * side.length, row + yard.between(12.0, 22.0)
         for _ in range(int(yard.rng.integers(4, 10))):
             spot = side.at(middle + yard.between(-9.0, 9.0), behind + yard.between(-7.0, 7.0))
-            _place_tree(spot, yard)
+            place_tree(spot, yard)
 
 
-def _place_tree(place: tuple[float, float], yard: Yard) -> None:
+def place_tree(place: tuple[float, float], yard: Yard) -> None:
+    """Plant a broad-leaved tree, or in a share of the calls only in one session."""
     sessions = yard.session(yard.settings.trees_changed)
     base, top = yard.between(2.0, 3.5), yard.between(5.0, 10.0)
     radius, depth = yard.between(1.6, 4.0), yard.between(1.0, 2.5)
-    yard.post(place, yard.between(0.12, 0.35), base + 1.0, sessions)
+    yard.post(place, yard.between(0.12, 0.35), base + 1.0, PointClass.TRUNK, sessions)
     yard.crown(place, radius, (base, top), depth, sessions)
 
 
 def place_structures(side: StreetSide, yard: Yard) -> None:
     """Place poles at the kerb, walls, sheds and small clutter."""
-    change, kerb = yard.settings.structures_changed, yard.settings.corridor + 0.3
-    position = yard.between(5.0, 30.0)
-    while position < side.length:
-        yard.post(side.at(position, kerb), yard.between(0.08, 0.2), yard.between(4.0, 9.0))
-        position += yard.between(22.0, 38.0)
+    place_lamps(side, yard.settings.corridor + 0.3, yard)
     for _ in range(int(yard.rng.poisson(side.length / 90.0))):
         size = (yard.between(6.0, 16.0), 0.3, yard.between(1.2, 2.6))
-        _scatter(side, size, (2.5, 4.0), yard, change)
+        scatter(side, size, (2.5, 4.0), PointClass.WALL, yard)
     for _ in range(int(yard.rng.poisson(side.length / 80.0))):
         size = (yard.between(2.0, 6.5), yard.between(2.0, 3.5), yard.between(2.2, 3.5))
-        _scatter(side, size, (3.0, 26.0), yard, change)
+        scatter(side, size, (3.0, 26.0), PointClass.BUILDING, yard)
     for _ in range(int(yard.rng.poisson(side.length / 20.0))):
         size = (yard.between(0.4, 1.8), yard.between(0.4, 0.9), yard.between(0.7, 1.6))
-        _scatter(side, size, (0.5, 4.0), yard, change)
+        scatter(side, size, (0.5, 4.0), PointClass.OTHER, yard)
 
 
-def _scatter(
+def place_lamps(side: StreetSide, away: float, yard: Yard) -> None:
+    """Place lamp posts ``away`` metres from the street's middle."""
+    position = yard.between(5.0, 30.0)
+    while position < side.length:
+        radius, height = yard.between(0.08, 0.2), yard.between(4.0, 9.0)
+        yard.post(side.at(position, away), radius, height, PointClass.POLE)
+        position += yard.between(22.0, 38.0)
+
+
+def scatter(
     side: StreetSide,
     size: tuple[float, float, float],
     band: tuple[float, float],
+    kind: PointClass,
     yard: Yard,
-    change: float,
 ) -> None:
     """Place one box at random along the side, ``band`` metres beyond the corridor."""
     away = yard.settings.corridor + size[1] / 2 + yard.between(*band)
     place = side.at(yard.between(0.0, side.length), away)
     yaw = side.yaw + yard.between(-0.05, 0.05)
-    yard.box(place, size, yaw, yard.between(0.2, 0.6), yard.session(change))
+    shade, sessions = yard.between(0.2, 0.6), yard.session(yard.settings.structures_changed)
+    yard.box(place, size, yaw, kind, shade, sessions)
 
 
 def park_cars(side: StreetSide, yard: Yard, cars: Yard) -> None:
@@ -105,15 +75,25 @@ def park_cars(side: StreetSide, yard: Yard, cars: Yard) -> None:
         return
     row, position = yard.settings.corridor + 1.2, yard.between(12.0, 30.0)
     end = yard.between(0.5, 1.0) * side.length - 12.0
+    park_row(side, (position, end), row, cars)
+
+
+def park_row(
+    side: StreetSide, span: tuple[float, float], away: float, cars: Yard, slot: float = 6.0
+) -> None:
+    """Park cars along the street in slots of ``slot`` metres, differently in each session."""
+    position, end = span
     while position < end:
         for session in (DATABASE, QUERY):
-            if cars.chance(yard.settings.parking_share):
-                _park(side.at(position + cars.between(-0.4, 0.4), row), side.yaw, cars, session)
-        position += 6.0
+            if cars.chance(cars.settings.parking_share):
+                park(side.at(position + cars.between(-0.4, 0.4), away), side.yaw, cars, session)
+        position += slot
 
 
-def _park(place: tuple[float, float], yaw: float, cars: Yard, session: int) -> None:
+def park(place: tuple[float, float], yaw: float, cars: Yard, session: int) -> None:
+    """Park a car or a van at ``place`` in one session."""
     van = cars.chance(0.15)
     height = cars.between(2.0, 2.6) if van else cars.between(1.4, 1.8)
     size = (cars.between(4.8, 5.6) if van else cars.between(3.8, 4.8), 1.8, height)
-    cars.box(place, size, yaw + cars.between(-0.04, 0.04), cars.between(0.2, 0.9), session)
+    yaw += cars.between(-0.04, 0.04)
+    cars.box(place, size, yaw, PointClass.PARKED_CAR, cars.between(0.2, 0.9), session)

@@ -19,6 +19,7 @@ IntArray = NDArray[np.int64]
 #: Values of hits besides the index of a prism.
 GROUND, NOTHING = -1, -2
 
+_NEAREST = 1e-6  # distance at which a ceiling above the origin begins (metres)
 _GROUND_RINGS = 48  # radii at which the ground's profile is sampled
 _GROUND_STRIDE = 4  # the profile is computed for every fourth azimuth and interpolated between
 
@@ -71,8 +72,8 @@ def cast(
     """The first surface on each ray within ``max_range`` (metres) of ``origin`` (3,).
 
     Returns horizontal distances (C, B) in metres, inf without a hit, and hits (C, B): the index of
-    a prism, GROUND or NOTHING. Prisms around the origin are ignored. ``rng`` draws the depth of
-    beams in crowns.
+    a prism, GROUND or NOTHING. Prisms around the origin are ignored, except for opaque ones
+    that hang above it. ``rng`` draws the depth of beams in crowns.
     """
     near = np.flatnonzero(
         np.hypot(prisms.x - origin[0], prisms.y - origin[1]) - prisms.reach < max_range
@@ -170,7 +171,10 @@ def _ranges(count: IntArray) -> tuple[IntArray, IntArray]:
 def _cross(
     candidates: tuple[IntArray, IntArray], fan: Fan, origin: FloatArray, prisms: Prisms
 ) -> Pairs:
-    """The pairs that cross, with entry and exit, without prisms around the origin."""
+    """The pairs that cross, with entry and exit, without prisms around the origin.
+
+    A ceiling above the origin is entered at once.
+    """
     prism, column = candidates
     dx, dy = (prisms.x - origin[0])[prism], (prisms.y - origin[1])[prism]
     c, s = np.cos(fan.headings)[column], np.sin(fan.headings)[column]
@@ -198,6 +202,8 @@ def _cross(
     entry[box] = np.maximum(spans[0][0], spans[1][0])
     leave[box] = np.minimum(spans[0][1], spans[1][1])
 
+    ceiling = (prisms.z0 > origin[2]) & (prisms.depth == 0)
+    entry = np.where(ceiling[prism], np.maximum(entry, _NEAREST), entry)
     crossing = (entry > 0) & (leave > entry)
     return Pairs(prism, column, entry, leave).keep(crossing)
 

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from deepring.core.rigid import yaw_of
 from deepring.simulation.ground import Ground
 from deepring.simulation.mounting import Sensor
-from deepring.simulation.raycast import GROUND, Fan, cast
+from deepring.simulation.raycast import Fan, cast
 from deepring.simulation.settings import SimulationSettings
-from deepring.simulation.shapes import Prisms
+from deepring.simulation.shapes import PointClass, Prisms
 
 FloatArray = NDArray[np.float64]
 
@@ -22,11 +22,13 @@ class Sweep:
     """One revolution: C columns, counter-clockwise from ``phase`` (rad), of B beams, ascending.
 
     ``points`` (C, B, 3) are metres in the sensor's frame (z up), NaN without a return;
-    ``reflectance`` (C, B) is in [0, 1].
+    ``reflectance`` (C, B) is in [0, 1]; ``labels`` (C, B) are each a `PointClass`, 0 without a
+    return.
     """
 
     points: FloatArray
     reflectance: FloatArray
+    labels: NDArray[np.uint16]
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -58,9 +60,11 @@ def scan(
     points = _in_sensor_frame(fan, distance, pose)
     returns, lost = _measure(points, sensor, settings, rng)
     returns[lost] = np.nan
-    surface = np.append(prisms.reflectance, [0.0, _GROUND_REFLECTANCE])  # [-2] none, [-1] ground
-    reflectance = surface[np.where(hit == GROUND, -1, hit)]
-    return Sweep(returns, np.clip(reflectance + rng.normal(0.0, 0.04, hit.shape), 0.0, 1.0))
+    surface = np.append(prisms.reflectance, [0.0, _GROUND_REFLECTANCE])  # NOTHING, GROUND
+    reflectance = surface[hit] + rng.normal(0.0, 0.04, hit.shape)
+    kinds = np.append(prisms.kind, np.array([PointClass.NOTHING, PointClass.GROUND], np.uint16))
+    labels = np.where(lost, np.uint16(PointClass.NOTHING), kinds[hit])
+    return Sweep(returns, np.clip(reflectance, 0.0, 1.0), labels)
 
 
 def _fan(elevations: FloatArray, pose: FloatArray, phase: float, columns: int) -> Fan:

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 from deepring.checks import one_of
 from deepring.errors import ConfigError
+from deepring.simulation.measures import MEASURES, WorldKind
 from deepring.simulation.sensor_models import SENSORS
 
 Layout = Literal["nclt", "mulran", "custom"]
@@ -21,11 +22,12 @@ class SimulationSettings:
     range.
     """
 
-    layout: Layout = "nclt"  # of the files; also determines the world and the sensor
+    layout: Layout = "nclt"  # of the files; also determines the sensor
     seed: int = 0  # drives, parked cars, moving objects, noise
     world_seed: int | None = None  # streets and buildings; None: the same as seed
 
     # the world
+    world: WorldKind = "campus"  # docs/simulation.md describes the kinds
     block: float = 85.0  # distance between crossings
     train_columns: int = 5
     test_columns: int = 4
@@ -36,6 +38,8 @@ class SimulationSettings:
     street_variety: float = 1.0  # difference between the sides of streets
     facade_parts: float = 4.0  # mean number of protrusions on a facade
     tree_spacing: float = 9.0  # between trees of a row
+    street_bend: float = 0.0  # largest offset of a street's middle from the straight line
+    period: float = 24.0  # of the facades in the world "repeating"
     ground_relief: float = 0.8  # standard deviation of the ground's height
 
     # differences between the sessions, and moving objects
@@ -72,6 +76,7 @@ class SimulationSettings:
 
     def __post_init__(self) -> None:
         one_of("layout", self.layout, Layout)
+        one_of("world", self.world, WorldKind)
         for name, (low, high) in _RANGES.items():
             _check_range(name, getattr(self, name), low, high)
         for name, (low, high) in _OPTIONAL.items():
@@ -111,24 +116,15 @@ def mulran(seed: int = 0) -> SimulationSettings:
     """A city, scanned by an OS1-64 with a blind sector on a car, in MulRan's layout."""
     return SimulationSettings(
         layout="mulran",
+        world="city",
         seed=seed,
-        block=115.0,
-        rows=3,
-        crossing_jitter=12.0,
-        building_share=0.9,
-        tree_spacing=12.0,
-        ground_relief=0.6,
-        trees_changed=0.3,
-        parking_share=0.65,
-        mover_vehicle_share=0.8,
         azimuths=512,
         tilt_deg=0.7,
         blind_width_deg=70.0,
-        lateral_offset=2.5,
-        lane_offset=3.5,
         reversed_share=0.2,
         scan_spacing=3.0,
         speed=8.0,
+        **MEASURES["city"],
     )
 
 
@@ -152,10 +148,23 @@ def preset(name: str, seed: int = 0) -> SimulationSettings:
     return {"nclt": nclt, "mulran": mulran, "custom": custom}[name](seed)
 
 
-def tiny(name: str, seed: int = 0) -> SimulationSettings:
+def in_world(settings: SimulationSettings, world: object) -> SimulationSettings:
+    """``settings`` in a world of another kind, with the measures of such worlds (`MEASURES`).
+
+    Raises ConfigError for an unknown kind.
+    """
+    one_of("world", world, WorldKind)
+    usual: dict[str, Any] = {f.name: f.default for f in fields(SimulationSettings)}
+    measures = {name: usual[name] for kind in MEASURES.values() for name in kind}
+    measures |= MEASURES[world]  # type: ignore[index]
+    return replace(settings, **measures, world=world)  # type: ignore[arg-type]
+
+
+def tiny(name: str, seed: int = 0, world: WorldKind | None = None) -> SimulationSettings:
     """A preset shrunk for tests: a loop of four streets in each region, coarse scans."""
+    whole = preset(name, seed)
     return replace(
-        preset(name, seed),
+        whole if world is None else in_world(whole, world),
         block=45.0,
         train_columns=2,
         test_columns=2,
@@ -167,10 +176,15 @@ def tiny(name: str, seed: int = 0) -> SimulationSettings:
 
 
 def with_knobs(settings: SimulationSettings, knobs: Mapping[str, object]) -> SimulationSettings:
-    """A copy of ``settings`` with changes. Raises ConfigError for an unknown name."""
+    """A copy of ``settings`` with changes. Raises ConfigError for an unknown name.
+
+    The knob ``world`` brings the measures of its kind (`in_world`); other knobs go before those.
+    """
     names = [f.name for f in fields(settings)]
     for name in knobs:
         one_of("knob", name, names)
+    if "world" in knobs:
+        settings = in_world(settings, knobs["world"])
     return replace(settings, **knobs)  # type: ignore[arg-type]
 
 
@@ -187,6 +201,8 @@ _RANGES: dict[str, tuple[float, float]] = {
     "street_variety": (0.0, 1.0),
     "facade_parts": (0.0, 50.0),
     "tree_spacing": (2.0, 1000.0),
+    "street_bend": (0.0, 20.0),
+    "period": (8.0, 100.0),
     "ground_relief": (0.0, 3.0),
     "trees_changed": (0.0, 1.0),
     "structures_changed": (0.0, 1.0),

@@ -1,6 +1,7 @@
 """Upright prisms, i.e. oriented boxes and cylinders, the only shapes of a world."""
 
 from dataclasses import dataclass, field, fields
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,33 @@ BoolArray = NDArray[np.bool_]
 #: Bits of ``Prisms.sessions``.
 DATABASE, QUERY, BOTH = 1, 2, 3
 
-_KINDS = {"round": np.bool_, "grounded": np.bool_, "sessions": np.uint8}  # the others: float64
+_DTYPES = {  # of the columns that are not float64
+    "round": np.bool_,
+    "grounded": np.bool_,
+    "sessions": np.uint8,
+    "kind": np.uint16,
+}
+
+
+class PointClass(IntEnum):
+    """What a point lies on. The values are the class ids of SemanticKITTI's label files.
+
+    SemanticKITTI tells more classes apart than a simulated world has: here every piece of ground
+    is `road`, every moving vehicle a `moving-car`, and every parked one a `car`.
+    """
+
+    NOTHING = 0  # unlabeled: no return
+    PARKED_CAR = 10  # car
+    GROUND = 40  # road
+    BUILDING = 50  # building: houses, garages, sheds
+    WALL = 51  # fence: free-standing walls and fences
+    STRUCTURE = 52  # other-structure: tunnels, parking decks
+    CROWN = 70  # vegetation: the foliage of trees, hedges and bushes
+    TRUNK = 71  # trunk
+    POLE = 80  # pole
+    OTHER = 99  # other-object: clutter
+    MOVING_CAR = 252  # moving-car
+    MOVING_PERSON = 254  # moving-person
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +57,7 @@ class Prisms:
     grounded: BoolArray  # stands on the ground, so that nothing is visible below it
     reflectance: FloatArray  # 0..1
     sessions: NDArray[np.uint8]  # bits DATABASE, QUERY
+    kind: NDArray[np.uint16]  # a `PointClass`
 
     def __len__(self) -> int:
         return len(self.x)
@@ -71,10 +99,17 @@ class PrismList:
         *,
         reflectance: float = 0.4,
         sessions: int = BOTH,
+        kind: int = PointClass.OTHER,
+        depth: float = 0.0,
+        grounded: bool = True,
     ) -> None:
-        """Add an opaque box of ``size`` (length, width) that stands on the ground."""
-        half = (size[0] / 2, size[1] / 2)
-        self.rows.append((*centre, *z, *half, yaw, False, 0.0, True, reflectance, sessions))
+        """Add a box of ``size`` (length, width): opaque and standing, unless told otherwise.
+
+        With ``depth`` > 0 it is a hedge; without ``grounded`` it may hang, like a ceiling.
+        """
+        half, solid = (size[0] / 2, size[1] / 2), grounded and depth == 0.0
+        row = (*centre, *z, *half, yaw, False, depth, solid, reflectance, sessions, kind)
+        self.rows.append(row)
 
     def cylinder(
         self,
@@ -85,17 +120,18 @@ class PrismList:
         depth: float = 0.0,
         reflectance: float = 0.4,
         sessions: int = BOTH,
+        kind: int = PointClass.OTHER,
     ) -> None:
         """Add a cylinder: opaque and standing, or (``depth`` > 0) a crown above the ground."""
         solid = depth == 0.0
         size = (radius, radius, 0.0)
-        self.rows.append((*centre, *z, *size, True, depth, solid, reflectance, sessions))
+        self.rows.append((*centre, *z, *size, True, depth, solid, reflectance, sessions, kind))
 
     def freeze(self) -> Prisms:
         """All prisms added so far."""
         names = [f.name for f in fields(Prisms)]
         table = np.array(self.rows, dtype=np.float64).reshape(-1, len(names))
         columns: dict[str, NDArray] = dict(zip(names, table.T.copy(), strict=True))
-        for name, kind in _KINDS.items():
-            columns[name] = columns[name].astype(kind)
+        for name, dtype in _DTYPES.items():
+            columns[name] = columns[name].astype(dtype)
         return Prisms(**columns)

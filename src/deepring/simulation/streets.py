@@ -1,6 +1,6 @@
 """The street graph: a jittered grid of crossings in two parts, joined by one street."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,13 +20,14 @@ class Streets:
     """Crossings (n, 2) in world metres and the streets between them, as pairs of crossings.
 
     ``train`` and ``test`` list each part's streets; ``link`` is the one that crosses the gap,
-    from its train to its test end.
+    from its train to its test end. ``bends`` are the crossings at which one street only bends.
     """
 
     crossings: FloatArray
     train: tuple[Street, ...]
     test: tuple[Street, ...]
     link: Street
+    bends: frozenset[int] = frozenset()
 
     @cached_property
     def all(self) -> tuple[Street, ...]:
@@ -54,7 +55,24 @@ def street_grid(settings: SimulationSettings, rng: np.random.Generator) -> Stree
     link = ((split - 1) * settings.rows + middle, split * settings.rows + middle)
     train = _neighbours(0, settings.train_columns, settings.rows)
     test = _neighbours(split, settings.test_columns, settings.rows)
-    return Streets(grid.reshape(-1, 2), train, test, link)
+    streets = Streets(grid.reshape(-1, 2), train, test, link)
+    return _bent(streets, settings.street_bend, rng) if settings.street_bend > 0 else streets
+
+
+def _bent(streets: Streets, most: float, rng: np.random.Generator) -> Streets:
+    """Every street but the link with its middle moved aside by up to ``most`` metres."""
+    points = list(streets.crossings)
+
+    def bend(street: Street) -> tuple[Street, Street]:
+        start, end = points[street[0]], points[street[1]]
+        aside = np.array([start[1] - end[1], end[0] - start[0]]) / streets.length(street)
+        points.append((start + end) / 2 + rng.uniform(-most, most) * aside)
+        return (street[0], len(points) - 1), (len(points) - 1, street[1])
+
+    train = tuple(half for street in streets.train for half in bend(street))
+    test = tuple(half for street in streets.test for half in bend(street))
+    bends = frozenset(range(len(streets.crossings), len(points)))
+    return replace(streets, crossings=np.array(points), train=train, test=test, bends=bends)
 
 
 def _neighbours(first: int, columns: int, rows: int) -> tuple[Street, ...]:

@@ -1,20 +1,29 @@
 """A world: streets, ground, standing objects and moving objects."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.simulation.buildings import draw_prototypes
-from deepring.simulation.furnish import park_cars, place_buildings, place_structures, place_trees
 from deepring.simulation.ground import Ground, rolling_ground
+from deepring.simulation.kinds import (
+    blocks,
+    repeating,
+    squares,
+    terraces,
+    tunnels,
+    woods,
+)
+from deepring.simulation.measures import WorldKind
 from deepring.simulation.settings import SimulationSettings
-from deepring.simulation.shapes import DATABASE, PrismList, Prisms
+from deepring.simulation.shapes import DATABASE, PointClass, PrismList, Prisms
 from deepring.simulation.streets import Streets, clearance, street_grid
-from deepring.simulation.yard import Yard, sides_of
+from deepring.simulation.yard import Yard
 
 FloatArray = NDArray[np.float64]
 
+_OVERHEAD = 1.9  # what begins at least this high above the ground blocks no street (metres)
 _MOVERS_AHEAD = 45.0  # largest distance of moving objects along the street (metres)
 
 
@@ -39,26 +48,34 @@ def build_world(settings: SimulationSettings) -> World:
     rng = np.random.default_rng([settings.streets_seed, 1])
     streets = street_grid(settings, rng)
     ground = rolling_ground(settings.ground_relief, rng)
-    prototypes = draw_prototypes(settings, rng)
     yard = Yard(settings, ground, PrismList(), rng)
     cars = Yard(settings, ground, yard.prisms, np.random.default_rng([settings.seed, 2]))
-    for street in streets.all:
-        for side in sides_of(street, streets):
-            character = yard.character()
-            place_buildings(side, prototypes, character, yard)
-            place_trees(side, character, yard)
-            place_structures(side, yard)
-            park_cars(side, yard, cars)
-    return World(streets, ground, _clear_streets(yard.prisms.freeze(), streets, settings))
+    _FURNISH[settings.world](streets, yard, cars)
+    world = World(streets, ground, yard.prisms.freeze())
+    return replace(world, prisms=_clear_streets(world, settings.corridor))
 
 
-def _clear_streets(prisms: Prisms, streets: Streets, settings: SimulationSettings) -> Prisms:
-    """Remove prisms that would stand in a street, e.g. a corner of a building near a crossing.
+#: How each kind of world furnishes its streets, with yards for the world and for parked cars.
+_FURNISH: dict[WorldKind, Callable[[Streets, Yard, Yard], None]] = {
+    "campus": blocks.furnish,
+    "city": blocks.furnish,
+    "terraces": terraces.furnish,
+    "squares": squares.furnish,
+    "trees": woods.furnish,
+    "tunnels": tunnels.furnish,
+    "repeating": repeating.furnish,
+}
 
-    Crowns may hang over streets.
+
+def _clear_streets(world: World, corridor: float) -> Prisms:
+    """The prisms that do not stand in a street, as a corner of a building near a crossing would.
+
+    Crowns and ceilings may hang over streets.
     """
-    clear = clearance(prisms.outline(), streets).min(axis=1) >= settings.corridor
-    return prisms[np.flatnonzero(clear | ~prisms.grounded)]
+    prisms = world.prisms
+    clear = clearance(prisms.outline(), world.streets).min(axis=1) >= corridor
+    overhead = prisms.z0 - world.ground.height(prisms.x, prisms.y) > _OVERHEAD
+    return prisms[np.flatnonzero(clear | overhead)]
 
 
 def moving_objects(
@@ -82,7 +99,9 @@ def moving_objects(
         if things.chance(settings.mover_vehicle_share):
             tall = things.chance(0.15)
             size = (9.0, 2.5, 3.2) if tall else (things.between(3.8, 4.8), 1.8, 1.6)
-            things.box(place, size, heading + things.between(-0.15, 0.15), things.between(0.2, 0.9))
+            yaw = heading + things.between(-0.15, 0.15)
+            things.box(place, size, yaw, PointClass.MOVING_CAR, things.between(0.2, 0.9))
         else:
-            things.post(place, things.between(0.22, 0.4), things.between(1.5, 1.9))
+            radius, height = things.between(0.22, 0.4), things.between(1.5, 1.9)
+            things.post(place, radius, height, PointClass.MOVING_PERSON)
     return things.prisms.freeze()

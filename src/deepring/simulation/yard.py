@@ -1,13 +1,13 @@
 """Helpers to place objects: sides of streets, and random numbers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deepring.simulation.ground import Ground
 from deepring.simulation.settings import SimulationSettings
-from deepring.simulation.shapes import BOTH, DATABASE, QUERY, PrismList
+from deepring.simulation.shapes import BOTH, DATABASE, QUERY, PointClass, PrismList
 from deepring.simulation.streets import Street, Streets
 
 FloatArray = NDArray[np.float64]
@@ -17,12 +17,17 @@ _FOOT = 0.6  # depth of objects below the ground, so that none floats on a slope
 
 @dataclass(frozen=True, eq=False)
 class StreetSide:
-    """One side of a street: its start, its direction and the direction away from it."""
+    """One side of a street: its start, its direction and the direction away from it.
+
+    ``crossings`` tells of its start and of its end whether other streets meet it there; where it
+    only bends, or goes on in another part, none does.
+    """
 
     start: FloatArray
     along: FloatArray
     away: FloatArray
     length: float
+    crossings: tuple[bool, bool] = (True, True)
 
     @property
     def yaw(self) -> float:
@@ -34,13 +39,31 @@ class StreetSide:
         x, y = self.start + along * self.along + away * self.away
         return float(x), float(y)
 
+    def span(self, margin: float) -> tuple[float, float]:
+        """Where a row of objects begins and ends that keeps ``margin`` metres from crossings."""
+        begin, end = (margin if crossing else 0.0 for crossing in self.crossings)
+        return begin, self.length - end
+
+    def part(self, begin: float, end: float) -> "StreetSide":
+        """The part of the side from ``begin`` to ``end``, without crossings at new ends."""
+        crossings = (
+            self.crossings[0] and begin <= 0.0,
+            self.crossings[1] and end >= self.length,
+        )
+        start = self.start + begin * self.along
+        return replace(self, start=start, length=end - begin, crossings=crossings)
+
 
 def sides_of(street: Street, streets: Streets) -> tuple[StreetSide, StreetSide]:
     """Left and right side of a street."""
     start, length = streets.crossings[street[0]], streets.length(street)
     along = (streets.crossings[street[1]] - start) / length
     left = np.array([-along[1], along[0]])
-    return StreetSide(start, along, left, length), StreetSide(start, along, -left, length)
+    meets = (street[0] not in streets.bends, street[1] not in streets.bends)
+    return (
+        StreetSide(start, along, left, length, meets),
+        StreetSide(start, along, -left, length, meets),
+    )
 
 
 @dataclass(frozen=True)
@@ -95,20 +118,27 @@ class Yard:
         place: tuple[float, float],
         size: tuple[float, float, float],
         yaw: float,
+        kind: PointClass,
         shade: float = 0.4,
         sessions: int = BOTH,
     ) -> None:
         """Stand a box of ``size`` (length, width, height) on the ground."""
         base = self.level(place)
         z = (base - _FOOT, base + size[2])
-        self.prisms.box(place, size[:2], yaw, z, reflectance=shade, sessions=sessions)
+        self.prisms.box(place, size[:2], yaw, z, reflectance=shade, sessions=sessions, kind=kind)
 
     def post(
-        self, place: tuple[float, float], radius: float, height: float, sessions: int = BOTH
+        self,
+        place: tuple[float, float],
+        radius: float,
+        height: float,
+        kind: PointClass,
+        sessions: int = BOTH,
     ) -> None:
         """Stand an opaque cylinder on the ground."""
         base = self.level(place)
-        self.prisms.cylinder(place, radius, (base - _FOOT, base + height), sessions=sessions)
+        span = (base - _FOOT, base + height)
+        self.prisms.cylinder(place, radius, span, sessions=sessions, kind=kind)
 
     def crown(
         self,
@@ -121,4 +151,52 @@ class Yard:
         """Hang foliage over ``place``, between the heights ``z`` above the ground."""
         base = self.level(place)
         span = (base + z[0], base + z[1])
-        self.prisms.cylinder(place, radius, span, depth=depth, reflectance=0.55, sessions=sessions)
+        self.prisms.cylinder(
+            place,
+            radius,
+            span,
+            depth=depth,
+            reflectance=0.55,
+            sessions=sessions,
+            kind=PointClass.CROWN,
+        )
+
+    def slab(
+        self,
+        place: tuple[float, float],
+        size: tuple[float, float],
+        yaw: float,
+        z: tuple[float, float],
+        kind: PointClass,
+        sessions: int = BOTH,
+    ) -> None:
+        """Hang a box of ``size`` (length, width) between the heights ``z`` above the ground."""
+        base = self.level(place)
+        span = (base + z[0], base + z[1])
+        self.prisms.box(place, size, yaw, span, sessions=sessions, kind=kind, grounded=False)
+
+    def hedge(
+        self,
+        place: tuple[float, float],
+        size: tuple[float, float, float],
+        yaw: float,
+        depth: float,
+        kind: PointClass = PointClass.CROWN,
+        sessions: int = BOTH,
+    ) -> None:
+        """Stand a box of ``size`` (length, width, height) that beams enter, a hedge or a fence.
+
+        ``depth`` is the mean free path of a beam inside (metres).
+        """
+        base = self.level(place)
+        span = (base - _FOOT, base + size[2])
+        self.prisms.box(
+            place,
+            size[:2],
+            yaw,
+            span,
+            depth=depth,
+            reflectance=0.5,
+            sessions=sessions,
+            kind=kind,
+        )

@@ -1,0 +1,1 @@
+"""The kinds of worlds, one file each, which furnish the streets."""
