@@ -1,5 +1,6 @@
 """The kinds of worlds: what each one promises, from its streets up to the points of its scans."""
 
+from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
 from typing import get_args
@@ -310,3 +311,21 @@ def test_streets_that_bend_keep_their_crossings_and_are_all_driven():
     ]
     assert max(offsets) <= 8.0
     assert max(offsets) > 4.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_grid_without_some_streets_stays_whole(seed):
+    settings = replace(nclt(seed), streets_missing=0.25)
+    few = street_grid(settings, np.random.default_rng(seed))
+    all_of_them = street_grid(nclt(seed), np.random.default_rng(seed))
+    np.testing.assert_array_equal(few.crossings, all_of_them.crossings)
+    for part, whole in ((few.train, all_of_them.train), (few.test, all_of_them.test)):
+        assert set(part) < set(whole)
+        assert 0.75 * len(whole) <= len(part) <= 0.9 * len(whole)
+        meets = Counter(crossing for street in (*part, few.link) for crossing in street)
+        ends = {crossing for street in whole for crossing in street}
+        assert min(meets[crossing] for crossing in ends) >= 2  # no dead end
+    for route, part in zip(
+        database_route(few, np.random.default_rng(0)), (few.train, few.test), strict=True
+    ):
+        assert {frozenset(step) for step in pairwise(route)} == {frozenset(s) for s in part}

@@ -37,6 +37,7 @@ class SimulationSettings:
     street_variety: float = 1.0  # difference between the sides of streets
     facade_parts: float = 4.0  # mean number of protrusions on a facade
     tree_spacing: float = 9.0  # between trees of a row
+    streets_missing: float = 0.0  # largest share of the grid's streets left out
     street_bend: float = 0.0  # largest offset of a street's middle from the straight line
     period: float = 24.0  # of the facades in the world "repeating"
     ground_relief: float = 0.8  # standard deviation of the ground's height
@@ -170,6 +171,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "street_variety": (0.0, 1.0),
     "facade_parts": (0.0, 50.0),
     "tree_spacing": (2.0, 1000.0),
+    "streets_missing": (0.0, 0.5),
     "street_bend": (0.0, 20.0),
     "period": (8.0, 100.0),
     "ground_relief": (0.0, 3.0),
