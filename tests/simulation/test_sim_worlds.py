@@ -51,7 +51,7 @@ def of_kind(prisms, kind):
 def above_ground(scene, session, index):
     """Heights above the ground (n,), labels (n,) of a scan's returns."""
     sweep, drive = scene.sweep(session, index), scene.drives[session]
-    pose = drive.poses(drive.scan_stamps[index : index + 1])[0] @ scene.sensor.mount
+    pose = drive.poses(drive.scan_stamps[index : index + 1])[0] @ scene.sensors[0].mount
     points = sweep.points[sweep.valid] @ pose[:3, :3].T + pose[:3, 3]
     ground = scene.world.ground.height(points[:, 0], points[:, 1])
     return points[:, 2] - ground, sweep.labels[sweep.valid]
@@ -235,7 +235,8 @@ def test_classes_of_points_agree_with_the_geometry(kind, name):
 
 def test_points_of_a_scan_under_a_ceiling_lie_on_it():
     """The rays of a whole scan, in a sensor's frame, with the noise of its range."""
-    from deepring.simulation.sensors import hdl32e_upside_down, scan
+    from deepring.simulation.mounting import hdl32e_upside_down
+    from deepring.simulation.sensors import scan
 
     yard = empty_yard("tunnels")
     place_tunnel(straight(), (20.0, 80.0), yard)

@@ -1,6 +1,6 @@
 """MulRan's native files: gridded Ouster scans, base poses in UTM as CSV."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from deepring.io.files import write_whole
 from deepring.simulation.drive import Drive
-from deepring.simulation.sensors import Sensor, Sweep
+from deepring.simulation.mounting import Sensor
+from deepring.simulation.sensors import Sweep
 from deepring.simulation.split import UTM_ORIGIN
 
 #: The sequences' folders, database first.
@@ -45,6 +46,15 @@ def write_poses(root: Path, session: str, drive: Drive) -> None:
     stamp_file, pose_file = pose_files(root, session)
     write_whole(stamp_file, (b"%d000\n" % stamp for stamp in drive.scan_stamps.tolist()))
     write_whole(pose_file, _pose_rows(drive))
+
+
+def common_files(_root: Path) -> list[Path]:
+    """None: the layout has no file about both sessions."""
+    return []
+
+
+def write_common(_root: Path, _sensors: Sequence[Sensor]) -> None:
+    """Nothing, as `common_files` says."""
 
 
 def _pose_rows(drive: Drive) -> Iterator[bytes]:

@@ -5,7 +5,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from deepring.simulation.drive import Drive, plan_drives
-from deepring.simulation.sensors import Sensor, Sweep, scan, sensor_of
+from deepring.simulation.mounting import Sensor, sensor_of
+from deepring.simulation.sensors import Sweep, scan
 from deepring.simulation.settings import SimulationSettings
 from deepring.simulation.shapes import DATABASE, QUERY, Prisms
 from deepring.simulation.world import World, build_world, moving_objects
@@ -16,7 +17,7 @@ class Scene:
 
     def __init__(self, settings: SimulationSettings) -> None:
         self.settings = settings
-        self.sensor: Sensor = sensor_of(settings)
+        self.sensors: tuple[Sensor, Sensor] = (sensor_of(settings, 0), sensor_of(settings, 1))
         self.world: World = build_world(settings)
         self.drives: tuple[Drive, Drive] = plan_drives(self.world, settings)
 
@@ -27,14 +28,13 @@ class Scene:
 
     def sweep(self, session: int, index: int) -> Sweep:
         """Scan ``index`` of a session, with its own random numbers: the same on each call."""
-        settings, drive = self.settings, self.drives[session]
+        settings, drive, sensor = self.settings, self.drives[session], self.sensors[session]
         rng = np.random.default_rng([settings.seed, 4, session, index])
         pose = drive.poses(drive.scan_stamps[index : index + 1])[0]
         movers = moving_objects(pose, self.world.ground, settings, rng)
-        # The HDL-32E spins freely; the OS1 fires its columns at fixed encoder angles.
-        phase = rng.uniform(0.0, 2 * np.pi) if settings.layout == "nclt" else 0.0
+        phase = rng.uniform(0.0, 2 * np.pi) if sensor.starts_anywhere else 0.0
         prisms = self._standing[session] + movers
-        return scan(self.sensor, pose, phase, prisms, self.world.ground, settings, rng)
+        return scan(sensor, pose, phase, prisms, self.world.ground, settings, rng)
 
 
 @lru_cache(maxsize=1)

@@ -1,12 +1,13 @@
-"""Two spinning LiDARs: their mounting, scan pattern, noise and dropout."""
+"""A sweep of a spinning LiDAR: scan pattern, noise and dropout."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.core.rigid import pose_from, rotation_from_rpy, yaw_of
+from deepring.core.rigid import yaw_of
 from deepring.simulation.ground import Ground
+from deepring.simulation.mounting import Sensor
 from deepring.simulation.raycast import Fan, cast
 from deepring.simulation.settings import SimulationSettings
 from deepring.simulation.shapes import PointClass, Prisms
@@ -14,20 +15,6 @@ from deepring.simulation.shapes import PointClass, Prisms
 FloatArray = NDArray[np.float64]
 
 _GROUND_REFLECTANCE = 0.25
-_BLIND_RANGE = 0.9  # minimum range (metres)
-
-
-@dataclass(frozen=True, eq=False)
-class Sensor:
-    """Beam elevations (B,) in the sensor's frame, ascending (rad), and the mounting.
-
-    ``mount`` is the pose body <- sensor (4, 4), body x forward, y left, z up. ``body_height`` is
-    the height of the body's origin above the ground (metres).
-    """
-
-    elevations: FloatArray
-    mount: FloatArray
-    body_height: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,28 +37,6 @@ class Sweep:
         return finite
 
 
-def hdl32e_upside_down() -> Sensor:
-    """NCLT's HDL-32E, mounted upside down, with beams from 10.67° down to 30.67° up.
-
-    The lever arm is NCLT's, converted from z down to z up. The origin of the body frame is about
-    0.15 m below the ground.
-    """
-    mount = pose_from(np.eye(3), [0.002, 0.004, 0.957])
-    return Sensor(np.deg2rad(np.linspace(-10.67, 30.67, 32)), mount, body_height=-0.15)
-
-
-def os1_64() -> Sensor:
-    """MulRan's OS1-64: beams from 16.6° down to 16.6° up, mounted facing backwards."""
-    roll, pitch, yaw = np.deg2rad([0.0001, 0.0003, 179.6654])
-    mount = pose_from(rotation_from_rpy(roll, pitch, yaw), [1.7042, -0.021, 1.8047])
-    return Sensor(np.deg2rad(np.linspace(-16.6, 16.6, 64)), mount, body_height=0.0)
-
-
-def sensor_of(settings: SimulationSettings) -> Sensor:
-    """The sensor of the layout in the settings."""
-    return hdl32e_upside_down() if settings.layout == "nclt" else os1_64()
-
-
 def scan(
     sensor: Sensor,
     body_pose: FloatArray,
@@ -89,10 +54,11 @@ def scan(
     they differ from an even spacing by the tilt times the tangent of the elevation.
     """
     pose = body_pose @ sensor.mount
-    fan = _fan(sensor.elevations, pose, phase, settings.azimuths)
-    distance, hit = cast(fan, pose[:3, 3], prisms, ground, settings.max_range, rng)
+    fan = _fan(sensor.elevations, pose, phase, settings.azimuths or sensor.columns)
+    farthest = min(settings.max_range, sensor.range)
+    distance, hit = cast(fan, pose[:3, 3], prisms, ground, farthest, rng)
     points = _in_sensor_frame(fan, distance, pose)
-    returns, lost = _measure(points, settings, rng)
+    returns, lost = _measure(points, sensor, settings, rng)
     returns[lost] = np.nan
     surface = np.append(prisms.reflectance, [0.0, _GROUND_REFLECTANCE])  # NOTHING, GROUND
     reflectance = surface[hit] + rng.normal(0.0, 0.04, hit.shape)
@@ -125,15 +91,17 @@ def _in_sensor_frame(fan: Fan, distance: FloatArray, pose: FloatArray) -> FloatA
 
 
 def _measure(
-    points: FloatArray, settings: SimulationSettings, rng: np.random.Generator
+    points: FloatArray, sensor: Sensor, settings: SimulationSettings, rng: np.random.Generator
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Points with range noise, and a mask of lost returns: close, dropped, in the blind sector."""
     reach = np.sqrt(np.einsum("cbi,cbi->cb", points, points))
-    noisy = points * (1 + settings.range_noise * rng.normal(size=reach.shape) / reach)[..., None]
+    noise = sensor.noise if settings.range_noise is None else settings.range_noise
+    noisy = points * (1 + noise * rng.normal(size=reach.shape) / reach)[..., None]
     grow = settings.dropout_far - settings.dropout_near
-    dropout = settings.dropout_near + grow * (reach / settings.max_range) ** 2
+    farthest = min(settings.max_range, sensor.range)
+    dropout = settings.dropout_near + grow * (reach / farthest) ** 2
     lost = rng.random(reach.shape) < dropout
-    lost |= reach < _BLIND_RANGE
+    lost |= reach < sensor.blind
     if settings.blind_width_deg > 0:
         azimuth = np.abs(np.arctan2(points[..., 1], points[..., 0]))
         lost |= azimuth < np.deg2rad(settings.blind_width_deg) / 2

@@ -1,4 +1,4 @@
-"""The settings of a simulation, their defaults and the presets ``nclt`` and ``mulran``."""
+"""The settings of a simulation, their defaults and the presets ``nclt``, ``mulran``, ``custom``."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
@@ -7,8 +7,9 @@ from typing import Any, Literal
 from deepring.checks import one_of
 from deepring.errors import ConfigError
 from deepring.simulation.measures import MEASURES, WorldKind
+from deepring.simulation.sensor_models import SENSORS
 
-Layout = Literal["nclt", "mulran"]
+Layout = Literal["nclt", "mulran", "custom"]
 
 
 @dataclass(frozen=True)
@@ -51,9 +52,15 @@ class SimulationSettings:
     mover_vehicle_share: float = 0.3  # the others are pedestrians
 
     # the sensor
-    azimuths: int = 1085  # columns per revolution (1024 in real MulRan files)
+    sensor: str | None = None  # of the database; a name of `SENSORS`, in the layout custom only
+    query_sensor: str | None = None  # None: the same as the database's, as all of query_
+    sensor_height: float | None = None  # above the ground
+    query_sensor_height: float | None = None
+    upside_down: bool = False
+    query_upside_down: bool | None = None
+    azimuths: int | None = 1085  # columns per revolution (1024 in MulRan); None: the data sheet's
     max_range: float = 100.0
-    range_noise: float = 0.025  # standard deviation
+    range_noise: float | None = 0.025  # standard deviation; None: the data sheet's
     dropout_near: float = 0.02  # share of returns lost at the sensor ...
     dropout_far: float = 0.25  # ... and at max_range; it grows with the squared distance
     tilt_deg: float = 3.0  # standard deviation of the platform's roll and of its pitch
@@ -73,8 +80,18 @@ class SimulationSettings:
         one_of("world", self.world, WorldKind)
         for name, (low, high) in _RANGES.items():
             _check_range(name, getattr(self, name), low, high)
-        if self.world_seed is not None:
-            _check_range("world_seed", self.world_seed, 0, _MANY)
+        for name, (low, high) in _OPTIONAL.items():
+            if getattr(self, name) is not None:
+                _check_range(name, getattr(self, name), low, high)
+        for name in _SWITCHES:
+            _check_switch(name, getattr(self, name))
+        if self.layout != "custom":
+            _check_own_sensor(self)
+            return
+        one_of("sensor", self.sensor, SENSORS)
+        one_of("query_sensor", self.query_sensor, (*SENSORS, None))
+        if self.sensor_height is None:
+            _check_range("sensor_height", None, *_OPTIONAL["sensor_height"])
 
     @property
     def streets_seed(self) -> int:
@@ -112,10 +129,24 @@ def mulran(seed: int = 0) -> SimulationSettings:
     )
 
 
+def custom(seed: int = 0) -> SimulationSettings:
+    """A campus, scanned by any of `SENSORS` on a car, in the layout of docs/custom_data.md."""
+    return SimulationSettings(
+        layout="custom",
+        seed=seed,
+        sensor="os1_64",
+        sensor_height=1.8,
+        azimuths=512,
+        range_noise=None,
+        tilt_deg=1.0,
+        speed=6.0,
+    )
+
+
 def preset(name: str, seed: int = 0) -> SimulationSettings:
-    """The preset called ``name``: ``nclt`` or ``mulran``. Raises ConfigError otherwise."""
+    """The preset called ``name``: nclt, mulran or custom. Raises ConfigError otherwise."""
     one_of("preset", name, Layout)
-    return nclt(seed) if name == "nclt" else mulran(seed)
+    return {"nclt": nclt, "mulran": mulran, "custom": custom}[name](seed)
 
 
 def in_world(settings: SimulationSettings, world: object) -> SimulationSettings:
@@ -181,9 +212,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "parking_share": (0.0, 1.0),
     "movers": (0.0, 200.0),
     "mover_vehicle_share": (0.0, 1.0),
-    "azimuths": (8, 4096),
     "max_range": (10.0, 120.0),
-    "range_noise": (0.0, 1.0),
     "dropout_near": (0.0, 1.0),
     "dropout_far": (0.0, 1.0),
     "tilt_deg": (0.0, 10.0),
@@ -196,6 +225,39 @@ _RANGES: dict[str, tuple[float, float]] = {
     "speed": (0.1, 40.0),
     "pose_rate": (1, 1000),
 }
+
+#: The same of settings that can be None.
+_OPTIONAL: dict[str, tuple[float, float]] = {
+    "world_seed": (0, _MANY),
+    "azimuths": (8, 4096),
+    "range_noise": (0.0, 1.0),
+    "sensor_height": (0.2, 10.0),
+    "query_sensor_height": (0.2, 10.0),
+}
+_SWITCHES = ("upside_down", "query_upside_down")
+#: Settings that the layouts with a sensor of their own do not have.
+_OF_ANY_SENSOR = (
+    *("sensor", "query_sensor", "sensor_height", "query_sensor_height"),
+    *("upside_down", "query_upside_down"),
+)
+
+
+def _check_own_sensor(settings: SimulationSettings) -> None:
+    """Raise ConfigError for settings that a layout with its own sensor does not have."""
+    for field in fields(settings):
+        value: Any = getattr(settings, field.name)
+        if field.name in _OF_ANY_SENSOR and value != field.default:
+            raise ConfigError(
+                f"{field.name}: {value!r}, expected {field.default} in the layout "
+                f"{settings.layout}, which has a sensor of its own; choose the layout custom"
+            )
+        if field.name in ("azimuths", "range_noise") and value is None:
+            _check_range(field.name, value, *_OPTIONAL[field.name])
+
+
+def _check_switch(name: str, value: object) -> None:
+    if not (isinstance(value, bool) or (value is None and name.startswith("query_"))):
+        raise ConfigError(f"{name}: {value!r}, expected True or False")
 
 
 def _check_range(name: str, value: object, low: float, high: float) -> None:

@@ -1,4 +1,4 @@
-"""Simulates two drives through one world and writes them in the layout of NCLT or MulRan."""
+"""Simulates two drives through one world and writes them in a layout."""
 
 import multiprocessing
 from collections import Counter
@@ -9,10 +9,11 @@ from typing import Protocol
 
 from deepring import checks
 from deepring.progress import Progress
-from deepring.simulation import manifest, mulran_writer, nclt_writer
+from deepring.simulation import custom_writer, manifest, mulran_writer, nclt_writer
 from deepring.simulation.drive import Drive
+from deepring.simulation.mounting import Sensor
 from deepring.simulation.scene import Scene, scene_of
-from deepring.simulation.sensors import Sensor, Sweep
+from deepring.simulation.sensors import Sweep
 from deepring.simulation.settings import SimulationSettings
 
 _BATCH = 8  # scans per task of a worker
@@ -34,6 +35,12 @@ class Writer(Protocol):
 
     def write_poses(self, root: Path, session: str, drive: Drive, /) -> None:
         """Write one session's poses and stamps."""
+
+    def common_files(self, root: Path, /) -> list[Path]:
+        """The files of `write_common`."""
+
+    def write_common(self, root: Path, sensors: Sequence[Sensor], /) -> None:
+        """Write what describes both sessions; ``sensors`` are theirs."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +89,7 @@ def _finish(scene: Scene, root: Path, tasks: Sequence[_ScanTask]) -> None:
     writer = _writer(scene.settings)
     scans = Counter(task.path.parent.relative_to(root).as_posix() for task in tasks)
     files = [path for name in writer.SESSIONS for path in writer.pose_files(root, name)]
+    files += writer.common_files(root)
     poses = [path.relative_to(root).as_posix() for path in files]
     manifest.finish(root, scene.settings, dict(scans), poses)
 
@@ -101,6 +109,8 @@ def _write_poses(scene: Scene, root: Path) -> None:
     for name, drive in zip(writer.SESSIONS, scene.drives, strict=True):
         if not all(path.is_file() for path in writer.pose_files(root, name)):
             writer.write_poses(root, name, drive)
+    if not all(path.is_file() for path in writer.common_files(root)):
+        writer.write_common(root, scene.sensors)
 
 
 def _write_scans(tasks: Sequence[_ScanTask], workers: int, progress: Progress | None) -> None:
@@ -122,8 +132,13 @@ def _each(tasks: Sequence[_ScanTask], workers: int) -> Iterator[None]:
 def _write_scan(task: _ScanTask) -> None:
     scene = scene_of(task.settings)
     sweep = scene.sweep(task.session, task.index)
-    _writer(task.settings).write_scan(task.path, sweep, scene.sensor)
+    _writer(task.settings).write_scan(task.path, sweep, scene.sensors[task.session])
 
 
 def _writer(settings: SimulationSettings) -> Writer:
-    return nclt_writer if settings.layout == "nclt" else mulran_writer
+    writers: dict[str, Writer] = {
+        "nclt": nclt_writer,
+        "mulran": mulran_writer,
+        "custom": custom_writer,
+    }
+    return writers[settings.layout]
