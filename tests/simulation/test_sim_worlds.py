@@ -19,7 +19,7 @@ from deepring.simulation.measures import MEASURES, WorldKind
 from deepring.simulation.raycast import Fan, cast
 from deepring.simulation.routes import database_route, query_route
 from deepring.simulation.scene import Scene
-from deepring.simulation.settings import in_world, mulran, nclt, tiny, with_knobs
+from deepring.simulation.settings import in_world, mulran, nclt, preset, tiny, with_knobs
 from deepring.simulation.shapes import PointClass, PrismList
 from deepring.simulation.simulate import simulate
 from deepring.simulation.streets import clearance, street_grid
@@ -211,7 +211,7 @@ def test_a_square_is_open_and_its_streets_have_facades(worlds):
 
 
 @pytest.mark.parametrize("kind", NEW)
-@pytest.mark.parametrize("name", ["nclt", "mulran"])
+@pytest.mark.parametrize("name", ["nclt", "mulran", "custom"])
 def test_classes_of_points_agree_with_the_geometry(kind, name):
     settings = replace(tiny(name, seed=2, world=kind), movers=30.0, range_noise=0.0)
     scene = Scene(settings)
@@ -278,6 +278,15 @@ def test_a_world_brings_its_measures_and_other_knobs_go_before_them():
     assert with_knobs(mulran(), {"world": "trees"}).blind_width_deg == 70.0  # of the sensor
     with pytest.raises(ConfigError, match=r"world: 'moon', expected one of campus, city, terraces"):
         with_knobs(nclt(), {"world": "moon"})
+
+
+def test_a_sensor_above_the_lowest_ceiling_is_refused():
+    low = {"world": "tunnels", "sensor_height": 2.3}
+    assert with_knobs(preset("custom"), low).sensor_height == 2.3
+    for name in ("sensor_height", "query_sensor_height"):
+        with pytest.raises(ConfigError, match=rf"{name}: 2\.4, expected at most 2\.3 in .*tunnels"):
+            with_knobs(preset("custom"), {"world": "tunnels", name: 2.4})
+        assert with_knobs(preset("custom"), {"world": "city", name: 2.4}).world == "city"
 
 
 def test_the_command_line_takes_a_world(tmp_path):
