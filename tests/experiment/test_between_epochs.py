@@ -63,6 +63,25 @@ def test_a_resumed_run_draws_what_an_undisturbed_one_draws(run, method):
     assert same(whole, weights(resumed))
 
 
+@pytest.mark.filterwarnings("ignore:Checkpoint directory .* exists")
+def test_a_training_on_streets_resumes_to_the_digit(composed, tiny_nclt, tmp_path):
+    def trained(name, epochs, *overrides):
+        streets = ("stretches=1", "places=2", "queries=4", "spacing=[5,8]", "per_epoch=2")
+        cfg = composed(
+            *(f"data.root={tiny_nclt}", "method/encoder=unet_small", "sampling=streets"),
+            *("loss=graded_cross_entropy", *(f"sampling.{value}" for value in streets), *TINY_DATA),
+            *(f"trainer.max_epochs={epochs}", "trainer.log_every_n_steps=1"),
+            *("callbacks.progress=null", "evaluate=false", f"paths.run={tmp_path / name}"),
+            *overrides,
+        )
+        return weights(train(cfg, tmp_path / name))
+
+    whole, before = trained("whole", 2), trained("stopped", 1)
+    last = tmp_path / "stopped" / "checkpoints" / "last.ckpt"
+    assert same(whole, trained("stopped", 2, f"resume={last}"))
+    assert not same(whole, before)
+
+
 def test_batches_grow_only_where_few_triplets_are_active(run, monkeypatch):
     sizes = []
     get = ScanBatchSet.__getitem__

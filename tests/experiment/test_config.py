@@ -171,6 +171,7 @@ def test_a_table_iii_row_changes_what_it_names_and_nothing_else(composed):
 #: What goes with an option, where the defaults do not.
 BESIDE = {
     "sampling=batch_hard": ["loss=batch_hard"],
+    "sampling=streets": ["loss=graded_cross_entropy"],
     "sampling=tuples": ["loss=lazy_quadruplet"],
     "loss=batch_hard": ["sampling=batch_hard"],
     "loss=lazy_quadruplet": ["sampling=tuples"],

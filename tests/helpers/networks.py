@@ -17,7 +17,7 @@ from deepring.rasters import BevRaster, raster_settings
 GROUPS = {
     "representation": (RepresentationSettings, ("angles", "bins", "theta_range", "pool")),
     "encoder": (EncoderSettings, ("widths", "convolutions", "norm", "tau_padding", "stem")),
-    "aggregation": (AggregationSettings, ("aggregation",)),
+    "aggregation": (AggregationSettings, ("aggregation", "gaps", "frequencies")),
     "similarity": (SimilaritySettings, ("similarity", "normalisation")),
 }
 

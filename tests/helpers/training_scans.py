@@ -20,4 +20,5 @@ def some_scans(places=12, scans=4, raster=RASTER, headings=None):
         np.zeros(n, dtype=np.int64),
         np.zeros(n) if headings is None else headings,
         Rasters(images, raster),
+        np.zeros(n, dtype=np.int64),
     )

@@ -16,6 +16,7 @@ from deepring.rasters.bev import disc_mask
 from helpers.networks import deepring_settings
 
 CELLS = 32
+PAIRS = {"gaps": [11.25, 22.5], "frequencies": 6}
 
 
 def small(**changes):
@@ -64,10 +65,12 @@ def test_it_is_a_method():
 
 
 @pytest.mark.parametrize("normalisation", NORMALISATIONS)
-@pytest.mark.parametrize("aggregation", ["dft", "gap", "gmp", "multi_gap"])
+@pytest.mark.parametrize("aggregation", ["dft", "gap", "gmp", "multi_gap", "cross_spectra"])
 @pytest.mark.parametrize(("pool", "widths"), [(1, (4, 6)), (2, (4, 6, 8))])
 def test_quarter_turns_are_found_and_change_nothing(aggregation, normalisation, pool, widths):
-    net = network(aggregation=aggregation, normalisation=normalisation, pool=pool, widths=widths)
+    values = PAIRS if aggregation == "cross_spectra" else {}
+    choice = {"aggregation": aggregation, "normalisation": normalisation, **values}
+    net = network(pool=pool, widths=widths, **choice)
     plain = net.describe(scans())
     unturned = net.compare(plain, plain)
     for quarters in (1, 2, 3):
@@ -223,6 +226,9 @@ def test_settings_that_do_not_exist_are_named():
         (r"raster\.kind", {"raster": {}}),
         ("HeightRaster", {"raster": raster_settings(HeightRaster())}),
         (r"representation\.pool: 7", {"pool": 7}),
+        (r"'cross_spectra' with .*'half'", {"theta_range": "half", "aggregation": "cross_spectra"}),
+        (r"aggregation\.gaps: \(7,\)", {"aggregation": "cross_spectra", "gaps": [7]}),
+        (r"aggregation\.gaps: .*, expected null", {"gaps": [11.25]}),
         (r"representation\.pool: 0", {"pool": 0}),
         (r"representation\.angles: 63", {"angles": 63}),
         (r"encoder\.norm: 'layer'", {"norm": "layer"}),
@@ -242,9 +248,12 @@ def test_bad_settings_are_named(match, changes):
 @pytest.mark.parametrize("aggregation", AGGREGATIONS)
 def test_every_aggregation_takes_every_raster(aggregation, raster):
     search = "l2" if aggregation == "dft2" else "correlation"
-    net = network(raster=raster_settings(raster), aggregation=aggregation, similarity=search)
+    angles = {"angles": 48} if isinstance(raster, BevRaster) else {}
+    pairs = {"gaps": [15], "frequencies": 4} if aggregation == "cross_spectra" else {}
+    choice = {"aggregation": aggregation, "similarity": search, **angles, **pairs}
+    net = network(raster=raster_settings(raster), **choice)
     out = net.describe(noise(net))
-    columns = 32 if isinstance(raster, BevRaster) else raster.shape[1]
-    values = {"gap": 1, "gmp": 1}.get(aggregation, columns // 2 + 1)
-    assert out.shape == (3, 64 if isinstance(raster, BevRaster) else 48, values)
+    rows, columns = (48, 32) if isinstance(net.raster, BevRaster) else net.raster.shape
+    values = {"gap": 1, "gmp": 1, "cross_spectra": 13}.get(aggregation, columns // 2 + 1)
+    assert out.shape == (3, rows, values) == (3, *net.descriptor_shape)
     assert torch.isfinite(out).all()

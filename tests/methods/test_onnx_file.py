@@ -17,6 +17,8 @@ from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.rasters import BevRaster, PointsRaster, PolarRaster, raster_settings
 from helpers.networks import deepring_settings
 
+PAIRS = {"aggregation": "cross_spectra", "gaps": [18, 36], "frequencies": 7}
+
 
 def network(cells=40, **settings):
     torch.manual_seed(0)
@@ -37,7 +39,7 @@ def images(n, cells=40, seed=0):
 
 
 @pytest.mark.parametrize(
-    "settings", [{}, {"pool": 2}, {"bins": 60, "angles": 20}, {"norm": "group"}, {"stem": 2}]
+    "settings", [{}, {"pool": 2}, {"bins": 60, "angles": 20}, {"norm": "group"}, {"stem": 2}, PAIRS]
 )
 def test_real_arithmetic_is_the_network(settings):
     made = network(**settings)
@@ -46,9 +48,9 @@ def test_real_arithmetic_is_the_network(settings):
         assert torch.allclose(RealDeepRing(made)(seen.float()), made.describe(seen), atol=1e-5)
 
 
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory):
-    made = network(pool=2)
+@pytest.fixture(scope="module", params=[{}, PAIRS])
+def exported(tmp_path_factory, request):
+    made = network(pool=2, **request.param)
     path = tmp_path_factory.mktemp("onnx") / "network.onnx"
     export_onnx(made, path)
     return made, path

@@ -9,6 +9,7 @@ from deepring.data.dataset import DatasetConfig, PlaceDataset, Regions, Spacing
 from deepring.rasters import BevRaster
 from deepring.training.datamodule import PlaceDataModule
 from deepring.training.episodes import EpisodeScheme
+from deepring.training.streets import StreetScheme
 
 EPISODE = EpisodeScheme(ways=2, shots=1, queries=2, per_epoch=3)
 
@@ -31,12 +32,12 @@ def dataset(name, root, **regions):
 
 @pytest.fixture
 def datamodule(tiny_nclt, tiny_mulran, tmp_path):
-    def make(seed=0, workers=0, share=0.3):
+    def make(seed=0, workers=0, share=0.3, scheme=EPISODE):
         datasets = [dataset("nclt", tiny_nclt), dataset("mulran", tiny_mulran)]
         for each in datasets:
             each.config.regions.validation_share = share
         made = PlaceDataModule(
-            datasets, BevRaster(cells=40), EPISODE, RasterCache(tmp_path), seed, workers
+            datasets, BevRaster(cells=40), scheme, RasterCache(tmp_path), seed, workers
         )
         made.prepare_data()
         made.setup("fit")
@@ -100,3 +101,14 @@ def test_each_dataset_has_its_validation_set_apart_from_training(datamodule):
 
 def test_without_a_validation_share_there_is_no_validation(datamodule):
     assert datamodule(share=0.0).validation == {}
+
+
+def test_sessions_are_numbered_over_all_datasets_each_in_driving_order(datamodule):
+    made = datamodule(scheme=StreetScheme(1, 2, 4, spacing=(5.0, 8.0)))
+    scans = made.train_set.scans
+    sessions = [scans for dataset in made.datasets for scans in dataset.training()]
+    assert np.array_equal(scans.session, np.repeat(range(4), [len(one) for one in sessions]))
+    assert np.array_equal(scans.dataset, scans.session // 2)
+    for number, one in enumerate(sessions):
+        origin = made.datasets[number // 2].database.positions[0]
+        assert np.allclose(scans.positions[scans.session == number], one.positions - origin)

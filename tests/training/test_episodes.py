@@ -53,12 +53,14 @@ def check_episode(scans, positions, dataset, episode):
     queries=st.integers(1, 3),
     same=st.sampled_from([5.0, 10.0]),
     gap=st.sampled_from([0.0, 10.0]),
+    neighbours=st.sampled_from([0.0, 0.5]),
     seed=st.integers(0, 2**32 - 1),
 )
 def test_every_episode_obeys_the_papers_distances(
-    clusters, spread, owners, ways, shots, queries, same, gap, seed
+    clusters, spread, owners, ways, shots, queries, same, gap, neighbours, seed
 ):
-    episode = EpisodeScheme(ways, shots, queries, positive_radius=same, negative_radius=same + gap)
+    radii = {"positive_radius": same, "negative_radius": same + gap}
+    episode = EpisodeScheme(ways, shots, queries, **radii, neighbours=neighbours)
     rng = np.random.default_rng(seed)
     centres = np.repeat(np.array(clusters), 8, axis=0)
     positions = (centres + rng.integers(-spread, spread + 1, centres.shape)) / 4
@@ -69,6 +71,88 @@ def test_every_episode_obeys_the_papers_distances(
     except DeepringError:
         assume(False)
     check_episode(scans, positions, dataset, episode)
+
+
+def street_grid(spacing=3.0):
+    """Positions along three streets of 600 m, two of them parallel and 80 m apart."""
+    x = np.arange(0.0, 600.0, spacing)
+    zero = np.zeros_like(x)
+    streets = [(x, zero), (x, zero + 80), (zero + 300, x - 300)]
+    return np.concatenate([np.column_stack(street) for street in streets])
+
+
+def drawn_anywhere(points, s, rng):
+    """The classes of an episode as the paper draws them: anchors in random order, by loops."""
+    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    crowded = np.flatnonzero((apart <= s.positive_radius).sum(axis=1) >= s.shots + s.queries)
+    free, classes = np.ones(len(points), dtype=bool), []
+    for anchor in rng.permutation(crowded):
+        if not free[anchor] or len(classes) == s.ways:
+            continue
+        near = np.flatnonzero((apart[anchor] <= s.positive_radius) & free)
+        members = [anchor]
+        for scan in rng.permutation(near[near != anchor]):
+            if (
+                len(members) < s.shots + s.queries
+                and max(apart[scan, members]) <= s.positive_radius
+            ):
+                members.append(scan)
+        if len(members) == s.shots + s.queries:
+            classes.append(rng.permutation(np.array(members)))
+            free &= apart[members].min(axis=0) > s.negative_radius
+    return np.stack(classes)
+
+
+def test_without_neighbours_ways_are_drawn_anywhere_as_ever():
+    positions, episode = street_grid(), EpisodeScheme(ways=8, queries=3)
+    assert episode.neighbours == 0
+    places = places_of(positions, episode)
+    for seed in range(3):
+        rng, again = np.random.default_rng(seed), np.random.default_rng(seed)
+        assert np.array_equal(places.sample(rng), drawn_anywhere(places.points, episode, again))
+        assert rng.random() == again.random()  # nothing else was drawn
+
+
+def gaps_before(scans, positions, back):
+    """From each way but the first the distance to the nearest of the ``back`` ways before it."""
+    return [
+        np.linalg.norm(
+            positions[scans[way]][:, None] - positions[scans[max(0, way - back) : way].ravel()],
+            axis=-1,
+        ).min()
+        for way in range(1, len(scans))
+    ]
+
+
+#: A street of 10 km: what is drawn anywhere is hardly ever near, and there is always room beside.
+LONG = np.column_stack([np.arange(0.0, 10_000.0, 3.0), np.zeros(3334)])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
+def test_as_many_ways_as_asked_lie_beside_one_of_the_last_three(share):
+    episode = EpisodeScheme(ways=6, queries=2, neighbours=share)
+    places, gaps = places_of(LONG, episode), []
+    for seed in range(40):
+        scans = places.sample(np.random.default_rng(seed))
+        check_episode(scans, LONG, np.zeros(len(LONG)), episode)
+        gaps += gaps_before(scans, LONG, back=3)
+    assert min(gaps) > 20
+    beside = np.mean(np.array(gaps) <= 35)
+    assert beside == 1 if share == 1 else beside == pytest.approx(share, abs=0.1)
+
+
+def test_the_same_seed_draws_the_same_neighbours():
+    episode = EpisodeScheme(ways=6, queries=2, neighbours=0.5)
+    a, b, other = (places_of(LONG, episode).sample(np.random.default_rng(k)) for k in (1, 1, 2))
+    assert np.array_equal(a, b)
+    assert not np.array_equal(a, other)
+
+
+def test_a_way_without_room_beside_it_is_followed_by_one_elsewhere():
+    positions = np.repeat([[0.0, 0.0], [100.0, 0.0], [200.0, 0.0]], 4, axis=0)
+    episode = EpisodeScheme(ways=3, queries=2, neighbours=1.0)
+    scans = places_of(positions, episode).sample(np.random.default_rng(0))
+    check_episode(scans, positions, np.zeros(len(positions)), episode)
 
 
 def test_members_around_an_anchor_may_be_too_far_from_each_other():
@@ -129,6 +213,11 @@ def test_almost_no_scan_is_too_few_places(n):
         {"positive_radius": 30.0},
         {"negative_radius": 5.0},
         {"negative_radius": math.nan},
+        {"neighbours": -0.1},
+        {"neighbours": 1.5},
+        {"neighbours": math.nan},
+        {"neighbour_radius": 0.0},
+        {"neighbour_radius": 20.0, "neighbours": 0.5},
     ],
     ids=repr,
 )

@@ -46,7 +46,7 @@ class Toy(L.LightningDataModule):
         self.positions = np.array(positions)
         self.rasters = Rasters(np.stack(images), RASTER)
         dataset, headings = np.zeros(len(images), dtype=np.int64), np.zeros(len(images))
-        scans = TrainingScans(self.positions, dataset, headings, self.rasters)
+        scans = TrainingScans(self.positions, dataset, headings, self.rasters, dataset)
         self.episodes = EPISODE.training_set(scans, seed)
 
     def train_dataloader(self):

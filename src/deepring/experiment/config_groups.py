@@ -30,7 +30,14 @@ _REPRESENTATIONS: dict[str, tuple[str, dict[str, Any]]] = {
     "polar_gram": ("polar", {"angles": None, "bins": None}),
     "range_image": ("range", {"angles": None, "bins": None}),
 }
-_AGGREGATIONS = ("dft", "dft2", "gap", "gmp", "multi_gap")
+_AGGREGATIONS: dict[str, dict[str, Any]] = {
+    "dft": {},
+    "dft2": {},
+    "gap": {},
+    "gmp": {},
+    "multi_gap": {},
+    "cross_spectra": {"gaps": [12.0, 24.0], "frequencies": 15},
+}
 _SIMILARITIES = ("correlation", "l2", "cosine")
 
 #: The group that the generated settings of methods are in. Files of ``conf/method`` begin with
@@ -108,7 +115,9 @@ def _generated(folder: Path) -> Mapping[str, Mapping[str, Make]]:
             name: partial(_representation, *choice) for name, choice in _REPRESENTATIONS.items()
         },
         "method/encoder": {"unet": _encoder},
-        "method/aggregation": {name: partial(_aggregation, name) for name in _AGGREGATIONS},
+        "method/aggregation": {
+            name: partial(_aggregation, name, values) for name, values in _AGGREGATIONS.items()
+        },
         "method/similarity": {name: partial(_similarity, name) for name in _SIMILARITIES},
         "train": {name: partial(_dataset, "train_data", name) for name in datasets},
         "test": {name: partial(_dataset, "test_data", name) for name in datasets},
@@ -169,10 +178,10 @@ def _encoder() -> dict[str, Any]:
     return EncoderSettings().to_dict()
 
 
-def _aggregation(kind: str) -> dict[str, Any]:
+def _aggregation(kind: str, values: dict[str, Any]) -> dict[str, Any]:
     from deepring.methods.deepring import AggregationSettings
 
-    return AggregationSettings(kind).to_dict()
+    return AggregationSettings(kind, **values).to_dict()
 
 
 def _similarity(kind: str) -> dict[str, Any]:

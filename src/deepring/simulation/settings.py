@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from deepring.checks import one_of
 from deepring.errors import ConfigError
-from deepring.simulation.measures import MEASURES, WorldKind
+from deepring.simulation.measures import LOWEST_CEILING, MEASURES, WorldKind
 from deepring.simulation.sensor_models import SENSORS
 
 Layout = Literal["nclt", "mulran", "custom"]
@@ -33,11 +33,12 @@ class SimulationSettings:
     test_columns: int = 4
     rows: int = 4
     crossing_jitter: float = 9.0  # largest offset of crossings from the regular grid
-    building_prototypes: int = 2  # with fewer, more places look alike
-    building_share: float = 0.8  # share of plots with a building
-    street_variety: float = 1.0  # difference between the sides of streets
-    facade_parts: float = 4.0  # mean number of protrusions on a facade
-    tree_spacing: float = 9.0  # between trees of a row
+    building_prototypes: int = 2  # of campus, city, tunnels; with fewer, more places look alike
+    building_share: float = 0.8  # share of their plots with a building
+    street_variety: float = 1.0  # difference between the sides of their streets
+    facade_parts: float = 4.0  # mean number of protrusions on their facades
+    tree_spacing: float = 9.0  # between trees of a row along a street
+    streets_missing: float = 0.0  # largest share of the grid's streets left out
     street_bend: float = 0.0  # largest offset of a street's middle from the straight line
     period: float = 24.0  # of the facades in the world "repeating"
     ground_relief: float = 0.8  # standard deviation of the ground's height
@@ -93,6 +94,7 @@ class SimulationSettings:
                 _check_range(name, getattr(self, name), low, high)
         for name in _SWITCHES:
             _check_switch(name, getattr(self, name))
+        _check_ceiling(self)
         if self.layout != "custom":
             _check_own_sensor(self)
             return
@@ -162,11 +164,15 @@ def in_world(settings: SimulationSettings, world: object) -> SimulationSettings:
 
     Raises ConfigError for an unknown kind.
     """
+    return replace(settings, **_in_kind(world))
+
+
+def _in_kind(world: object) -> dict[str, Any]:
+    """The settings that make a world one of a kind."""
     one_of("world", world, WorldKind)
     usual: dict[str, Any] = {f.name: f.default for f in fields(SimulationSettings)}
     measures = {name: usual[name] for kind in MEASURES.values() for name in kind}
-    measures |= MEASURES[world]  # type: ignore[index]
-    return replace(settings, **measures, world=world)  # type: ignore[arg-type]
+    return measures | MEASURES[world] | {"world": world}  # type: ignore[index]
 
 
 def tiny(name: str, seed: int = 0, world: WorldKind | None = None) -> SimulationSettings:
@@ -192,12 +198,12 @@ def with_knobs(settings: SimulationSettings, knobs: Mapping[str, object]) -> Sim
     names = [f.name for f in fields(settings)]
     for name in knobs:
         one_of("knob", name, names)
-    if "world" in knobs:
-        settings = in_world(settings, knobs["world"])
-    return replace(settings, **knobs)  # type: ignore[arg-type]
+    kind = _in_kind(knobs["world"]) if "world" in knobs else {}
+    return replace(settings, **(kind | dict(knobs)))
 
 
 _MANY = 2**31 - 1
+_BELOW_CEILING = 0.2  # a sensor is at least this far below every ceiling (metres)
 _RANGES: dict[str, tuple[float, float]] = {
     "seed": (0, _MANY),
     "block": (40.0, 500.0),
@@ -210,6 +216,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "street_variety": (0.0, 1.0),
     "facade_parts": (0.0, 50.0),
     "tree_spacing": (2.0, 1000.0),
+    "streets_missing": (0.0, 0.5),
     "street_bend": (0.0, 20.0),
     "period": (8.0, 100.0),
     "ground_relief": (0.0, 3.0),
@@ -267,6 +274,20 @@ def _check_own_sensor(settings: SimulationSettings) -> None:
             )
         if field.name in ("azimuths", "range_noise") and value is None:
             _check_range(field.name, value, *_OPTIONAL[field.name])
+
+
+def _check_ceiling(settings: SimulationSettings) -> None:
+    """Raise ConfigError for a sensor as high as the ceilings that it would drive below."""
+    if settings.world not in LOWEST_CEILING:
+        return
+    ceiling = LOWEST_CEILING[settings.world]
+    for name in ("sensor_height", "query_sensor_height"):
+        height = getattr(settings, name)
+        if height is not None and height > ceiling - _BELOW_CEILING:
+            raise ConfigError(
+                f"{name}: {height!r}, expected at most {ceiling - _BELOW_CEILING:g} in the world "
+                f"{settings.world}, whose lowest ceiling is {ceiling:g} m above the ground"
+            )
 
 
 def _check_switch(name: str, value: object) -> None:

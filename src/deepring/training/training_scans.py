@@ -26,6 +26,8 @@ class TrainingScans:
     headings: NDArray[np.float64]
     """(n,) radians, counter-clockwise in the world."""
     rasters: Rasters
+    session: NDArray[np.int64]
+    """(n,) number of each scan's session, over all datasets; those of one are in driving order."""
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -41,11 +43,13 @@ class TrainingScans:
     ) -> Self:
         """Scans of one session and their rasters; ``origin`` (2,) metres is the dataset's."""
         numbers = np.full(len(scans), dataset, dtype=np.int64)
-        return cls(scans.positions - origin, numbers, scans.headings, rasters)
+        session = np.zeros_like(numbers)
+        return cls(scans.positions - origin, numbers, scans.headings, rasters, session)
 
     @classmethod
     def concatenate(cls, sessions: Sequence[Self]) -> Self:
-        """The scans of several sessions with the same raster."""
+        """The scans of several sets with the same raster; no session is in two of them."""
+        before = np.cumsum([0] + [scans.session.max(initial=-1) + 1 for scans in sessions])
         return cls(
             np.concatenate([scans.positions for scans in sessions]),
             np.concatenate([scans.dataset for scans in sessions]),
@@ -54,6 +58,7 @@ class TrainingScans:
                 np.concatenate([scans.rasters.data for scans in sessions]),
                 sessions[0].rasters.raster,
             ),
+            np.concatenate([scans.session + k for scans, k in zip(sessions, before, strict=False)]),
         )
 
 

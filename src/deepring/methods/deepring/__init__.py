@@ -34,7 +34,7 @@ from deepring.core.similarity import cosine, negative_distance
 from deepring.errors import ConfigError
 from deepring.methods.method import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
-from deepring.nn.aggregation import AGGREGATIONS, ROTATION_INVARIANT, channels_for
+from deepring.nn.aggregation import AGGREGATIONS, ROTATION_INVARIANT, make_aggregation
 from deepring.nn.circular import TauPadding
 from deepring.nn.representation import make_representation
 from deepring.nn.unet import CircularUNet
@@ -86,9 +86,11 @@ class EncoderSettings(PlainSettings):
 
 @dataclass(frozen=True)
 class AggregationSettings(PlainSettings):
-    """One of `deepring.nn.aggregation.AGGREGATIONS`."""
+    """One of `deepring.nn.aggregation.AGGREGATIONS`; the others belong to 'cross_spectra' alone."""
 
     kind: str = "dft"
+    gaps: Sequence[float] | None = None  # degrees
+    frequencies: int | None = None
 
 
 @dataclass(frozen=True)
@@ -121,12 +123,15 @@ class DeepRing(NetworkMethod):
 
     settings_class = DeepRingSettings
     settings: DeepRingSettings
+    descriptor_shape: tuple[int, int]
+    """(θ, ω) of one descriptor; beside ω stand the phases of 'cross_spectra'."""
 
     def __init__(self, settings: DeepRingSettings | None = None) -> None:
         settings = DeepRingSettings() if settings is None else settings
         super().__init__(settings)
         representation, encoder = settings.representation, settings.encoder
         aggregation, similarity = settings.aggregation.kind, settings.similarity.kind
+        gaps, frequencies = settings.aggregation.gaps, settings.aggregation.frequencies
         normalisation = settings.similarity.normalisation
         one_of("similarity.normalisation", normalisation, NORMALISATIONS)
         one_of("aggregation.kind", aggregation, AGGREGATIONS)
@@ -136,6 +141,11 @@ class DeepRing(NetworkMethod):
                 f"similarity.kind: 'correlation' with aggregation.kind: {aggregation!r}, "
                 "whose rows are no directions to search over; take the similarity l2 or cosine"
             )
+        if aggregation == "cross_spectra" and representation.theta_range == "half":
+            raise ConfigError(
+                "aggregation.kind: 'cross_spectra' with representation.theta_range: 'half', whose "
+                "rows come back flipped, which turns their phases; take the theta_range 'full'"
+            )
         self.representation = make_representation(
             self._raster,
             representation.angles,
@@ -143,10 +153,13 @@ class DeepRing(NetworkMethod):
             representation.pool,
             representation.theta_range,
         )
-        columns = self.representation.columns // count("encoder.stem", encoder.stem, most=64)
+        stem = count("encoder.stem", encoder.stem, most=64)
+        rows, columns = self.representation.rows // stem, self.representation.columns // stem
+        made = make_aggregation(aggregation, rows, columns, gaps, frequencies)
+        self.aggregate, self.descriptor_shape = made.function, (rows, made.values)
         self.encoder = CircularUNet(
             encoder.widths,
-            out_channels=channels_for(aggregation, columns),
+            out_channels=made.channels,
             convolutions=encoder.convolutions,
             norm=encoder.norm,
             tau_padding=encoder.tau_padding,
@@ -154,7 +167,6 @@ class DeepRing(NetworkMethod):
             stem=encoder.stem,
         )
         self._check_size(encoder)
-        self.aggregate = AGGREGATIONS[aggregation]
         self.normalise = NORMALISATIONS[normalisation]
 
     def _check_size(self, encoder: EncoderSettings) -> None:
@@ -197,15 +209,6 @@ class DeepRing(NetworkMethod):
         match = circular_cross_correlation(queries, database)
         turn = shift_to_turn(match.shift, queries.shape[-2], self.turn_period)
         return Comparison(match.score, turn)
-
-    @property
-    def descriptor_shape(self) -> tuple[int, int]:
-        """(θ, ω) of one descriptor."""
-        stem = self.settings.encoder.stem
-        rows, columns = self.representation.rows // stem, self.representation.columns // stem
-        kind = self.settings.aggregation.kind
-        channels = channels_for(kind, columns)
-        return rows, columns // 2 + 1 if kind in ("dft", "dft2") else channels
 
     @property
     def turn_period(self) -> float:

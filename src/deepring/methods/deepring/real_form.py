@@ -22,7 +22,7 @@ from deepring.rasters.bev import disc_mask
 class RealDeepRing(nn.Module):
     """`DeepRing.forward` in real arithmetic: images (b, n, n) float32 -> (b, θ, ω).
 
-    Raises ConfigError for other settings than a full turn, DFT and unit norm.
+    Raises ConfigError for other settings than a full turn, DFT or cross spectra, and unit norm.
     """
 
     seen: Tensor
@@ -36,12 +36,13 @@ class RealDeepRing(nn.Module):
         settings, raster = network.settings, network.raster
         sinogram, kind = settings.representation, settings.aggregation.kind
         made_by = (kind, settings.similarity.normalisation, sinogram.theta_range)
-        other = made_by != ("dft", "unit", "full")
+        known = kind in ("dft", "cross_spectra")
+        other = not known or made_by[1:] != ("unit", "full")
         if not isinstance(raster, BevRaster) or other or sinogram.angles is None:
             raise ConfigError(
                 f"onnx: a network over {type(raster).__name__} with aggregation {made_by[0]}, "
-                f"normalisation {made_by[1]}, theta_range {made_by[2]}; expected BevRaster, dft, "
-                "unit, full"
+                f"normalisation {made_by[1]}, theta_range {made_by[2]}; expected BevRaster, dft "
+                "or cross_spectra, unit, full"
             )
         assert sinogram.bins is not None
         self.encoder, self.pool = network.encoder, sinogram.pool
@@ -51,20 +52,23 @@ class RealDeepRing(nn.Module):
             self.register_buffer(name, value)
         self.unit = 2.0 / raster.cells
         columns = self.bins // self.pool // settings.encoder.stem
-        angle = (
-            2 * math.pi / columns * torch.arange(columns)[:, None] * torch.arange(columns // 2 + 1)
-        )
-        scale = _weights(columns) / math.sqrt(columns)
+        aggregation, rows = settings.aggregation, network.descriptor_shape[0]
+        self.gaps = tuple(round(gap * rows / 360) for gap in aggregation.gaps or ())
+        count = columns // 2 + 1
+        count = count if aggregation.frequencies is None else aggregation.frequencies + 1
+        angle = 2 * math.pi / columns * torch.arange(columns)[:, None] * torch.arange(count)
+        scale = _weights(columns)[:count] / math.sqrt(columns)
         self.register_buffer("cosines", (angle.double().cos() * scale).float())
-        self.register_buffer("sines", (angle.double().sin() * scale).float())
+        self.register_buffer("sines", (-angle.double().sin() * scale).float())
 
     def forward(self, images: Float[Tensor, "batch n n"]) -> Float[Tensor, "batch theta omega"]:
         """Descriptors of unit norm."""
         feature = self.encoder(self._sinogram(images))[:, 0]
         real, imaginary = feature @ self.cosines, feature @ self.sines
-        magnitude = (real.square() + imaginary.square()).sqrt()
-        norm = magnitude.square().sum(dim=(-2, -1), keepdim=True).sqrt()
-        return magnitude / norm.clamp_min(1e-12)
+        parts = [_unit_norm((real.square() + imaginary.square()).sqrt())]
+        for gap in self.gaps:
+            parts.append(_unit_norm(_cross_spectrum(real[..., 1:], imaginary[..., 1:], gap)))
+        return _unit_norm(torch.cat(parts, dim=-1)) if self.gaps else parts[0]
 
     def _sinogram(self, images: Float[Tensor, "batch n n"]) -> Float[Tensor, "batch 1 theta tau"]:
         """(b, 1, θ, τ), as `deepring.core.radon.radon`, pooled."""
@@ -78,6 +82,25 @@ class RealDeepRing(nn.Module):
         half = rows.view(-1, self.count, self.bins + 2)[..., 1:-1]
         whole = torch.cat([half, half.flip(-1)], dim=1) * self.unit
         return F.avg_pool2d(whole[:, None], self.pool) if self.pool > 1 else whole[:, None]
+
+
+def _cross_spectrum(
+    real: Float[Tensor, "batch theta omega"],
+    imaginary: Float[Tensor, "batch theta omega"],
+    gap: int,
+) -> Float[Tensor, "batch theta 2*omega"]:
+    """As `deepring.core.spectrum.cross_spectrum`, the real parts before the imaginary ones."""
+    other = torch.cat([real[:, gap:], real[:, :gap]], dim=1)
+    beside = torch.cat([imaginary[:, gap:], imaginary[:, :gap]], dim=1)
+    product = real * other + imaginary * beside
+    turned = imaginary * other - real * beside
+    root = (product.square() + turned.square()).clamp_min(1e-12).sqrt().sqrt()
+    return torch.cat([product / root, turned / root], dim=-1)
+
+
+def _unit_norm(values: Float[Tensor, "batch theta omega"]) -> Float[Tensor, "batch theta omega"]:
+    norm = values.square().sum(dim=(-2, -1), keepdim=True).sqrt()
+    return values / norm.clamp_min(1e-12)
 
 
 def _projection(

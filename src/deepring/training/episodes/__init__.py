@@ -9,4 +9,8 @@ from deepring.training.episodes.episode_losses import class_scores as class_scor
 from deepring.training.episodes.episode_scheme import Episode as Episode
 from deepring.training.episodes.episode_scheme import EpisodeScheme as EpisodeScheme
 from deepring.training.episodes.episode_scheme import EpisodeSet as EpisodeSet
-from deepring.training.episodes.episode_scheme import Places as Places
+from deepring.training.episodes.graded_losses import GradedCrossEntropy as GradedCrossEntropy
+from deepring.training.episodes.graded_losses import GradedLoss as GradedLoss
+from deepring.training.episodes.graded_losses import SmoothAp as SmoothAp
+from deepring.training.episodes.graded_losses import graded_targets as graded_targets
+from deepring.training.episodes.places import Places as Places
