@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from deepring.core.rigid import pose_from
+from deepring.simulation.mounting import hdl32e_upside_down
 from deepring.simulation.scene import Scene
-from deepring.simulation.sensors import hdl32e_upside_down, scan
+from deepring.simulation.sensors import scan
 from deepring.simulation.settings import nclt, tiny
 from deepring.simulation.shapes import PointClass, PrismList
 from helpers.scenes import flat_ground
@@ -25,7 +26,7 @@ DIGESTS = {
 def in_world(scene, session, index):
     """World points (n, 3) and labels (n,) of the returns of one scan."""
     sweep, drive = scene.sweep(session, index), scene.drives[session]
-    pose = drive.poses(drive.scan_stamps[index : index + 1])[0] @ scene.sensor.mount
+    pose = drive.poses(drive.scan_stamps[index : index + 1])[0] @ scene.sensors[session].mount
     return sweep.points[sweep.valid] @ pose[:3, :3].T + pose[:3, 3], sweep.labels[sweep.valid]
 
 

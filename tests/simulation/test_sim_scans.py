@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from deepring.core.rigid import pose_from, rotation_from_rpy
+from deepring.simulation.mounting import hdl32e_upside_down, os1_64
 from deepring.simulation.scene import Scene
-from deepring.simulation.sensors import hdl32e_upside_down, os1_64, scan
+from deepring.simulation.sensors import scan
 from deepring.simulation.settings import nclt, tiny
 from deepring.simulation.shapes import PrismList
 from deepring.simulation.world import moving_objects

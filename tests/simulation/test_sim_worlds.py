@@ -1,5 +1,6 @@
 """The kinds of worlds: what each one promises, from its streets up to the points of its scans."""
 
+from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
 from typing import get_args
@@ -18,7 +19,7 @@ from deepring.simulation.measures import MEASURES, WorldKind
 from deepring.simulation.raycast import Fan, cast
 from deepring.simulation.routes import database_route, query_route
 from deepring.simulation.scene import Scene
-from deepring.simulation.settings import in_world, mulran, nclt, tiny, with_knobs
+from deepring.simulation.settings import in_world, mulran, nclt, preset, tiny, with_knobs
 from deepring.simulation.shapes import PointClass, PrismList
 from deepring.simulation.simulate import simulate
 from deepring.simulation.streets import clearance, street_grid
@@ -50,7 +51,7 @@ def of_kind(prisms, kind):
 def above_ground(scene, session, index):
     """Heights above the ground (n,), labels (n,) of a scan's returns."""
     sweep, drive = scene.sweep(session, index), scene.drives[session]
-    pose = drive.poses(drive.scan_stamps[index : index + 1])[0] @ scene.sensor.mount
+    pose = drive.poses(drive.scan_stamps[index : index + 1])[0] @ scene.sensors[session].mount
     points = sweep.points[sweep.valid] @ pose[:3, :3].T + pose[:3, 3]
     ground = scene.world.ground.height(points[:, 0], points[:, 1])
     return points[:, 2] - ground, sweep.labels[sweep.valid]
@@ -210,7 +211,7 @@ def test_a_square_is_open_and_its_streets_have_facades(worlds):
 
 
 @pytest.mark.parametrize("kind", NEW)
-@pytest.mark.parametrize("name", ["nclt", "mulran"])
+@pytest.mark.parametrize("name", ["nclt", "mulran", "custom"])
 def test_classes_of_points_agree_with_the_geometry(kind, name):
     settings = replace(tiny(name, seed=2, world=kind), movers=30.0, range_noise=0.0)
     scene = Scene(settings)
@@ -234,7 +235,8 @@ def test_classes_of_points_agree_with_the_geometry(kind, name):
 
 def test_points_of_a_scan_under_a_ceiling_lie_on_it():
     """The rays of a whole scan, in a sensor's frame, with the noise of its range."""
-    from deepring.simulation.sensors import hdl32e_upside_down, scan
+    from deepring.simulation.mounting import hdl32e_upside_down
+    from deepring.simulation.sensors import scan
 
     yard = empty_yard("tunnels")
     place_tunnel(straight(), (20.0, 80.0), yard)
@@ -278,6 +280,15 @@ def test_a_world_brings_its_measures_and_other_knobs_go_before_them():
         with_knobs(nclt(), {"world": "moon"})
 
 
+def test_a_sensor_above_the_lowest_ceiling_is_refused():
+    low = {"world": "tunnels", "sensor_height": 2.3}
+    assert with_knobs(preset("custom"), low).sensor_height == 2.3
+    for name in ("sensor_height", "query_sensor_height"):
+        with pytest.raises(ConfigError, match=rf"{name}: 2\.4, expected at most 2\.3 in .*tunnels"):
+            with_knobs(preset("custom"), {"world": "tunnels", name: 2.4})
+        assert with_knobs(preset("custom"), {"world": "city", name: 2.4}).world == "city"
+
+
 def test_the_command_line_takes_a_world(tmp_path):
     small = ("block=45", "train_columns=2", "test_columns=2", "rows=2", "crossing_jitter=3")
     coarse = ("azimuths=60", "scan_spacing=40")
@@ -310,3 +321,21 @@ def test_streets_that_bend_keep_their_crossings_and_are_all_driven():
     ]
     assert max(offsets) <= 8.0
     assert max(offsets) > 4.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_grid_without_some_streets_stays_whole(seed):
+    settings = replace(nclt(seed), streets_missing=0.25)
+    few = street_grid(settings, np.random.default_rng(seed))
+    all_of_them = street_grid(nclt(seed), np.random.default_rng(seed))
+    np.testing.assert_array_equal(few.crossings, all_of_them.crossings)
+    for part, whole in ((few.train, all_of_them.train), (few.test, all_of_them.test)):
+        assert set(part) < set(whole)
+        assert 0.75 * len(whole) <= len(part) <= 0.9 * len(whole)
+        meets = Counter(crossing for street in (*part, few.link) for crossing in street)
+        ends = {crossing for street in whole for crossing in street}
+        assert min(meets[crossing] for crossing in ends) >= 2  # no dead end
+    for route, part in zip(
+        database_route(few, np.random.default_rng(0)), (few.train, few.test), strict=True
+    ):
+        assert {frozenset(step) for step in pairwise(route)} == {frozenset(s) for s in part}

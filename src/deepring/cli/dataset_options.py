@@ -7,8 +7,8 @@ from deepring.cli.parser import Parser, number, subcommands, whole
 
 
 def add_simulate(parser: Parser) -> None:
-    """``deepring simulate nclt|mulran -o FOLDER [KNOB=VALUE ...]``."""
-    parser.add_argument("dataset", choices=("nclt", "mulran"))
+    """``deepring simulate nclt|mulran|custom -o FOLDER [KNOB=VALUE ...]``."""
+    parser.add_argument("dataset", choices=("nclt", "mulran", "custom"))
     add_output(parser, "FOLDER", "the dataset's folder")
     parser.add_argument("--seed", type=whole(0), default=0, help="seed of the world (%(default)s)")
     parser.add_argument(

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.simulation.ground import Ground
+from deepring.simulation.mounting import sensor_of
 from deepring.simulation.routes import Route, database_route, query_route
-from deepring.simulation.sensors import sensor_of
 from deepring.simulation.settings import SimulationSettings
 from deepring.simulation.streets import Streets
 from deepring.simulation.world import World
@@ -90,8 +90,8 @@ def plan_drives(world: World, settings: SimulationSettings) -> tuple[Drive, Driv
     for part in parts:
         second += query_route(part, settings.reversed_share, rng)
     database, query = (
-        _drive(route, world, start, settings, rng)
-        for route, start in zip((first, second), _STARTS, strict=True)
+        _drive(route, world, session, settings, rng)
+        for session, route in enumerate((first, second))
     )
     return database, query
 
@@ -99,12 +99,12 @@ def plan_drives(world: World, settings: SimulationSettings) -> tuple[Drive, Driv
 def _drive(
     route: Route,
     world: World,
-    begin: datetime,
+    session: int,
     settings: SimulationSettings,
     rng: np.random.Generator,
 ) -> Drive:
     path = _path(route, world.streets, settings, rng)
-    start = int(begin.timestamp()) * 1_000_000
+    start = int(_STARTS[session].timestamp()) * 1_000_000
     period = 1_000_000 // settings.pose_rate
     scan_stamps = start + _scan_times(path, period, settings, rng)
     warm_up = round(_WARM_UP * settings.pose_rate) * period
@@ -114,7 +114,7 @@ def _drive(
         roll=_sway(settings.tilt_deg, rng),
         pitch=_sway(settings.tilt_deg, rng),
         ground=world.ground,
-        body_height=sensor_of(settings).body_height,
+        body_height=sensor_of(settings, session).body_height,
         speed=settings.speed,
         start=start,
         scan_stamps=scan_stamps,

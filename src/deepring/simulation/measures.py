@@ -4,6 +4,9 @@ from typing import Any, Literal
 
 WorldKind = Literal["campus", "city", "terraces", "squares", "trees", "tunnels", "repeating"]
 
+#: Height above the ground of the lowest ceiling over a street, where there is any (metres).
+LOWEST_CEILING: dict[WorldKind, float] = {"tunnels": 2.5}
+
 #: Settings of each kind of world that differ from the defaults, which are the campus's. The street
 #: free of standing objects is twice ``lane_offset + lateral_offset + 1.5`` wide.
 MEASURES: dict[WorldKind, dict[str, Any]] = {
@@ -40,7 +43,6 @@ MEASURES: dict[WorldKind, dict[str, Any]] = {
         "block": 125.0,
         "rows": 3,
         "crossing_jitter": 14.0,
-        "tree_spacing": 10.0,
         "ground_relief": 0.4,
         "trees_changed": 0.2,
         "structures_changed": 0.35,
@@ -54,8 +56,6 @@ MEASURES: dict[WorldKind, dict[str, Any]] = {
         "block": 95.0,
         "crossing_jitter": 16.0,
         "street_bend": 10.0,
-        "building_share": 0.0,
-        "tree_spacing": 8.0,
         "ground_relief": 1.2,
         "trees_changed": 0.15,
         "structures_changed": 0.15,

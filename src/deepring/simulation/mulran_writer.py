@@ -1,6 +1,6 @@
 """MulRan's native files: gridded Ouster scans, base poses in UTM as CSV."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from deepring.io.files import write_whole
 from deepring.simulation.drive import Drive
-from deepring.simulation.sensors import Sensor, Sweep
+from deepring.simulation.mounting import Sensor
+from deepring.simulation.sensors import Sweep
 from deepring.simulation.split import UTM_ORIGIN
 
 #: The sequences' folders, database first.
@@ -27,17 +28,22 @@ def pose_files(root: Path, session: str) -> list[Path]:
     return [root / session / name for name in ("ouster_front_stamp.csv", "global_pose.csv")]
 
 
-def write_scan(path: Path, sweep: Sweep, _sensor: Sensor) -> None:
-    """Write x, y, z, intensity (float32) of all rays; a missing return is four zeros.
+def in_file_order(rays: NDArray, _sweep: Sweep) -> NDArray:
+    """Values (n, ...) in the order of a scan's records, of values (C, B, ...) of all rays.
 
     The OS1 rotates clockwise and counts its rings from the top: point i is in ring i % 64 and
     column i // 64.
     """
+    return rays[::-1, ::-1].reshape(-1, *rays.shape[2:])
+
+
+def write_scan(path: Path, sweep: Sweep, _sensor: Sensor) -> None:
+    """Write x, y, z, intensity (float32) of all rays; a missing return is four zeros."""
     grid = np.zeros((*sweep.reflectance.shape, 4), "<f4")
     valid = sweep.valid
     grid[valid, :3] = sweep.points[valid]
     grid[valid, 3] = sweep.reflectance[valid] * 1000
-    write_whole(path, [grid[::-1, ::-1].tobytes()])
+    write_whole(path, [in_file_order(grid, sweep).tobytes()])
 
 
 def write_poses(root: Path, session: str, drive: Drive) -> None:
@@ -45,6 +51,15 @@ def write_poses(root: Path, session: str, drive: Drive) -> None:
     stamp_file, pose_file = pose_files(root, session)
     write_whole(stamp_file, (b"%d000\n" % stamp for stamp in drive.scan_stamps.tolist()))
     write_whole(pose_file, _pose_rows(drive))
+
+
+def common_files(_root: Path) -> list[Path]:
+    """None: the layout has no file about both sessions."""
+    return []
+
+
+def write_common(_root: Path, _sensors: Sequence[Sensor]) -> None:
+    """Nothing, as `common_files` says."""
 
 
 def _pose_rows(drive: Drive) -> Iterator[bytes]:

@@ -1,6 +1,6 @@
 """NCLT's native files: packed scans in the z-down body frame, ground truth as CSV."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from deepring.core.rigid import NED_TO_UP
 from deepring.io.files import write_whole
 from deepring.simulation.drive import Drive
-from deepring.simulation.sensors import Sensor, Sweep
+from deepring.simulation.mounting import Sensor
+from deepring.simulation.sensors import Sweep
 
 #: The sessions' folders, database first, with dates in a year without NCLT recordings.
 SESSIONS = ("2031-02-04", "2031-03-17")
@@ -29,6 +30,11 @@ def pose_files(root: Path, session: str) -> list[Path]:
     return [root / "ground_truth" / f"groundtruth_{session}.csv"]
 
 
+def in_file_order(rays: NDArray, sweep: Sweep) -> NDArray:
+    """Values (n, ...) in the order of a scan's records, of values (C, B, ...) of all rays."""
+    return rays[sweep.valid]
+
+
 def write_scan(path: Path, sweep: Sweep, sensor: Sensor) -> None:
     """Write a sweep's returns, column by column, in units of 5 mm, in the body frame, z down."""
     valid = sweep.valid
@@ -43,6 +49,15 @@ def write_scan(path: Path, sweep: Sweep, sensor: Sensor) -> None:
 def write_poses(root: Path, session: str, drive: Drive) -> None:
     """Write utime, x north, y east, z down, roll, pitch, yaw; no header."""
     write_whole(pose_files(root, session)[0], _pose_rows(drive))
+
+
+def common_files(_root: Path) -> list[Path]:
+    """None: the layout has no file about both sessions."""
+    return []
+
+
+def write_common(_root: Path, _sensors: Sequence[Sensor]) -> None:
+    """Nothing, as `common_files` says."""
 
 
 def _pose_rows(drive: Drive) -> Iterator[bytes]:

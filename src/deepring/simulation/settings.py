@@ -1,4 +1,4 @@
-"""The settings of a simulation, their defaults and the presets ``nclt`` and ``mulran``."""
+"""The settings of a simulation, their defaults and the presets ``nclt``, ``mulran``, ``custom``."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
@@ -6,9 +6,10 @@ from typing import Any, Literal
 
 from deepring.checks import one_of
 from deepring.errors import ConfigError
-from deepring.simulation.measures import MEASURES, WorldKind
+from deepring.simulation.measures import LOWEST_CEILING, MEASURES, WorldKind
+from deepring.simulation.sensor_models import SENSORS
 
-Layout = Literal["nclt", "mulran"]
+Layout = Literal["nclt", "mulran", "custom"]
 
 
 @dataclass(frozen=True)
@@ -32,11 +33,12 @@ class SimulationSettings:
     test_columns: int = 4
     rows: int = 4
     crossing_jitter: float = 9.0  # largest offset of crossings from the regular grid
-    building_prototypes: int = 2  # with fewer, more places look alike
-    building_share: float = 0.8  # share of plots with a building
-    street_variety: float = 1.0  # difference between the sides of streets
-    facade_parts: float = 4.0  # mean number of protrusions on a facade
-    tree_spacing: float = 9.0  # between trees of a row
+    building_prototypes: int = 2  # of campus, city, tunnels; with fewer, more places look alike
+    building_share: float = 0.8  # share of their plots with a building
+    street_variety: float = 1.0  # difference between the sides of their streets
+    facade_parts: float = 4.0  # mean number of protrusions on their facades
+    tree_spacing: float = 9.0  # between trees of a row along a street
+    streets_missing: float = 0.0  # largest share of the grid's streets left out
     street_bend: float = 0.0  # largest offset of a street's middle from the straight line
     period: float = 24.0  # of the facades in the world "repeating"
     ground_relief: float = 0.8  # standard deviation of the ground's height
@@ -50,13 +52,28 @@ class SimulationSettings:
     mover_vehicle_share: float = 0.3  # the others are pedestrians
 
     # the sensor
-    azimuths: int = 1085  # columns per revolution (1024 in real MulRan files)
+    sensor: str | None = None  # of the database; a name of `SENSORS`, in the layout custom only
+    query_sensor: str | None = None  # None: the same as the database's, as all of query_
+    sensor_height: float | None = None  # above the ground
+    query_sensor_height: float | None = None
+    upside_down: bool = False
+    query_upside_down: bool | None = None
+    mount_roll_deg: float = 0.0  # of the sensor on the platform: about its x, then y, then z
+    mount_pitch_deg: float = 0.0
+    mount_yaw_deg: float = 0.0
+    query_mount_roll_deg: float | None = None
+    query_mount_pitch_deg: float | None = None
+    query_mount_yaw_deg: float | None = None
+    azimuths: int | None = 1085  # columns per revolution (1024 in MulRan); None: the data sheet's
     max_range: float = 100.0
-    range_noise: float = 0.025  # standard deviation
+    range_noise: float | None = 0.025  # standard deviation; None: the data sheet's
     dropout_near: float = 0.02  # share of returns lost at the sensor ...
     dropout_far: float = 0.25  # ... and at max_range; it grows with the squared distance
     tilt_deg: float = 3.0  # standard deviation of the platform's roll and of its pitch
     blind_width_deg: float = 0.0  # sector without returns, centred on the LiDAR's +x
+    motion_distortion: bool = False  # True: the platform moves during a sweep, points as measured
+    rain_mm_per_hour: float = 0.0
+    labels: bool = False  # True: a file with the class of each point beside each scan
 
     # the drives
     lateral_offset: float = 5.0  # largest varying offset of the path to either side
@@ -72,8 +89,19 @@ class SimulationSettings:
         one_of("world", self.world, WorldKind)
         for name, (low, high) in _RANGES.items():
             _check_range(name, getattr(self, name), low, high)
-        if self.world_seed is not None:
-            _check_range("world_seed", self.world_seed, 0, _MANY)
+        for name, (low, high) in _OPTIONAL.items():
+            if getattr(self, name) is not None:
+                _check_range(name, getattr(self, name), low, high)
+        for name in _SWITCHES:
+            _check_switch(name, getattr(self, name))
+        _check_ceiling(self)
+        if self.layout != "custom":
+            _check_own_sensor(self)
+            return
+        one_of("sensor", self.sensor, SENSORS)
+        one_of("query_sensor", self.query_sensor, (*SENSORS, None))
+        if self.sensor_height is None:
+            _check_range("sensor_height", None, *_OPTIONAL["sensor_height"])
 
     @property
     def streets_seed(self) -> int:
@@ -111,10 +139,24 @@ def mulran(seed: int = 0) -> SimulationSettings:
     )
 
 
+def custom(seed: int = 0) -> SimulationSettings:
+    """A campus, scanned by any of `SENSORS` on a car, in the layout of docs/custom_data.md."""
+    return SimulationSettings(
+        layout="custom",
+        seed=seed,
+        sensor="os1_64",
+        sensor_height=1.8,
+        azimuths=512,
+        range_noise=None,
+        tilt_deg=1.0,
+        speed=6.0,
+    )
+
+
 def preset(name: str, seed: int = 0) -> SimulationSettings:
-    """The preset called ``name``: ``nclt`` or ``mulran``. Raises ConfigError otherwise."""
+    """The preset called ``name``: nclt, mulran or custom. Raises ConfigError otherwise."""
     one_of("preset", name, Layout)
-    return nclt(seed) if name == "nclt" else mulran(seed)
+    return {"nclt": nclt, "mulran": mulran, "custom": custom}[name](seed)
 
 
 def in_world(settings: SimulationSettings, world: object) -> SimulationSettings:
@@ -122,11 +164,15 @@ def in_world(settings: SimulationSettings, world: object) -> SimulationSettings:
 
     Raises ConfigError for an unknown kind.
     """
+    return replace(settings, **_in_kind(world))
+
+
+def _in_kind(world: object) -> dict[str, Any]:
+    """The settings that make a world one of a kind."""
     one_of("world", world, WorldKind)
     usual: dict[str, Any] = {f.name: f.default for f in fields(SimulationSettings)}
     measures = {name: usual[name] for kind in MEASURES.values() for name in kind}
-    measures |= MEASURES[world]  # type: ignore[index]
-    return replace(settings, **measures, world=world)  # type: ignore[arg-type]
+    return measures | MEASURES[world] | {"world": world}  # type: ignore[index]
 
 
 def tiny(name: str, seed: int = 0, world: WorldKind | None = None) -> SimulationSettings:
@@ -152,12 +198,12 @@ def with_knobs(settings: SimulationSettings, knobs: Mapping[str, object]) -> Sim
     names = [f.name for f in fields(settings)]
     for name in knobs:
         one_of("knob", name, names)
-    if "world" in knobs:
-        settings = in_world(settings, knobs["world"])
-    return replace(settings, **knobs)  # type: ignore[arg-type]
+    kind = _in_kind(knobs["world"]) if "world" in knobs else {}
+    return replace(settings, **(kind | dict(knobs)))
 
 
 _MANY = 2**31 - 1
+_BELOW_CEILING = 0.2  # a sensor is at least this far below every ceiling (metres)
 _RANGES: dict[str, tuple[float, float]] = {
     "seed": (0, _MANY),
     "block": (40.0, 500.0),
@@ -170,6 +216,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "street_variety": (0.0, 1.0),
     "facade_parts": (0.0, 50.0),
     "tree_spacing": (2.0, 1000.0),
+    "streets_missing": (0.0, 0.5),
     "street_bend": (0.0, 20.0),
     "period": (8.0, 100.0),
     "ground_relief": (0.0, 3.0),
@@ -179,13 +226,15 @@ _RANGES: dict[str, tuple[float, float]] = {
     "parking_share": (0.0, 1.0),
     "movers": (0.0, 200.0),
     "mover_vehicle_share": (0.0, 1.0),
-    "azimuths": (8, 4096),
     "max_range": (10.0, 120.0),
-    "range_noise": (0.0, 1.0),
     "dropout_near": (0.0, 1.0),
     "dropout_far": (0.0, 1.0),
     "tilt_deg": (0.0, 10.0),
     "blind_width_deg": (0.0, 359.0),
+    "rain_mm_per_hour": (0.0, 100.0),
+    "mount_roll_deg": (-20.0, 20.0),
+    "mount_pitch_deg": (-20.0, 20.0),
+    "mount_yaw_deg": (-180.0, 180.0),
     "lateral_offset": (0.0, 10.0),
     "lateral_knots": (5.0, 1000.0),
     "lane_offset": (0.0, 10.0),
@@ -194,6 +243,56 @@ _RANGES: dict[str, tuple[float, float]] = {
     "speed": (0.1, 40.0),
     "pose_rate": (1, 1000),
 }
+
+#: The same of settings that can be None.
+_OPTIONAL: dict[str, tuple[float, float]] = {
+    "world_seed": (0, _MANY),
+    "azimuths": (8, 4096),
+    "range_noise": (0.0, 1.0),
+    "sensor_height": (0.2, 10.0),
+    "query_sensor_height": (0.2, 10.0),
+    "query_mount_roll_deg": (-20.0, 20.0),
+    "query_mount_pitch_deg": (-20.0, 20.0),
+    "query_mount_yaw_deg": (-180.0, 180.0),
+}
+_SWITCHES = ("upside_down", "query_upside_down", "motion_distortion", "labels")
+#: Settings that the layouts with a sensor of their own do not have, nor those with ``query_``.
+_OF_ANY_SENSOR = (
+    *("sensor", "sensor_height", "upside_down"),
+    *("mount_roll_deg", "mount_pitch_deg", "mount_yaw_deg"),
+)
+
+
+def _check_own_sensor(settings: SimulationSettings) -> None:
+    """Raise ConfigError for settings that a layout with its own sensor does not have."""
+    for field in fields(settings):
+        value: Any = getattr(settings, field.name)
+        if field.name.removeprefix("query_") in _OF_ANY_SENSOR and value != field.default:
+            raise ConfigError(
+                f"{field.name}: {value!r}, expected {field.default} in the layout "
+                f"{settings.layout}, which has a sensor of its own; choose the layout custom"
+            )
+        if field.name in ("azimuths", "range_noise") and value is None:
+            _check_range(field.name, value, *_OPTIONAL[field.name])
+
+
+def _check_ceiling(settings: SimulationSettings) -> None:
+    """Raise ConfigError for a sensor as high as the ceilings that it would drive below."""
+    if settings.world not in LOWEST_CEILING:
+        return
+    ceiling = LOWEST_CEILING[settings.world]
+    for name in ("sensor_height", "query_sensor_height"):
+        height = getattr(settings, name)
+        if height is not None and height > ceiling - _BELOW_CEILING:
+            raise ConfigError(
+                f"{name}: {height!r}, expected at most {ceiling - _BELOW_CEILING:g} in the world "
+                f"{settings.world}, whose lowest ceiling is {ceiling:g} m above the ground"
+            )
+
+
+def _check_switch(name: str, value: object) -> None:
+    if not (isinstance(value, bool) or (value is None and name.startswith("query_"))):
+        raise ConfigError(f"{name}: {value!r}, expected True or False")
 
 
 def _check_range(name: str, value: object, low: float, high: float) -> None:

@@ -17,11 +17,12 @@ def _half_plane(x: float, y: float, towards: float) -> list[dict[str, dict[str, 
 
 
 #: Regions by layout, for `deepring.data.regions.parse_region` and data configs, the same for all
-#: seeds and sizes of worlds. NCLT: north, east. MulRan: easting, northing.
+#: seeds and sizes of worlds. NCLT: north, east. MulRan: easting, northing. Custom: x, y.
 REGIONS = {
     "nclt": {"train": _half_plane(0.0, 0.0, -1.0), "test": _half_plane(GAP, 0.0, 1.0)},
     "mulran": {
         "train": _half_plane(*UTM_ORIGIN, -1.0),
         "test": _half_plane(UTM_ORIGIN[0] + GAP, UTM_ORIGIN[1], 1.0),
     },
+    "custom": {"train": _half_plane(0.0, 0.0, -1.0), "test": _half_plane(GAP, 0.0, 1.0)},
 }

@@ -1,5 +1,7 @@
 """The street graph: a jittered grid of crossings in two parts, joined by one street."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -55,8 +57,43 @@ def street_grid(settings: SimulationSettings, rng: np.random.Generator) -> Stree
     link = ((split - 1) * settings.rows + middle, split * settings.rows + middle)
     train = _neighbours(0, settings.train_columns, settings.rows)
     test = _neighbours(split, settings.test_columns, settings.rows)
+    if settings.streets_missing > 0:
+        train, test = (
+            _thinned(part, settings.streets_missing, end, rng)
+            for part, end in ((train, link[0]), (test, link[1]))
+        )
     streets = Streets(grid.reshape(-1, 2), train, test, link)
     return _bent(streets, settings.street_bend, rng) if settings.street_bend > 0 else streets
+
+
+def _thinned(
+    part: tuple[Street, ...], share: float, end: int, rng: np.random.Generator
+) -> tuple[Street, ...]:
+    """A part without up to ``share`` of its streets, which leaves T junctions and larger blocks.
+
+    Every crossing keeps two streets and a way to every other; ``end`` is where the link meets it.
+    """
+    kept = list(part)
+    for number in rng.permutation(len(part)):
+        rest = [street for street in kept if street != part[number]]
+        meets = Counter(crossing for street in rest for crossing in street)
+        few = min(meets[crossing] + (crossing == end) for street in part for crossing in street)
+        if len(rest) >= (1 - share) * len(part) and few >= 2 and _connected(rest):
+            kept = rest
+    return tuple(kept)
+
+
+def _connected(streets: Sequence[Street]) -> bool:
+    """Whether the streets lead from each of their crossings to each other."""
+    reached, waiting = {streets[0][0]}, [streets[0][0]]
+    while waiting:
+        here = waiting.pop()
+        for a, b in streets:
+            other = b if a == here else a
+            if here in (a, b) and other not in reached:
+                reached.add(other)
+                waiting.append(other)
+    return reached == {crossing for street in streets for crossing in street}
 
 
 def _bent(streets: Streets, most: float, rng: np.random.Generator) -> Streets:

@@ -3,11 +3,11 @@
 import numpy as np
 
 from deepring.simulation.furnish import park
+from deepring.simulation.measures import LOWEST_CEILING
 from deepring.simulation.shapes import DATABASE, QUERY, PointClass
 from deepring.simulation.yard import StreetSide, Yard
 
-#: Height of a deck's ceiling above the ground (metres).
-CLEAR = (2.5, 3.1)
+_CLEAR = (LOWEST_CEILING["tunnels"], 3.1)  # height of the ceiling
 _SLAB, _STOREY = 0.35, 2.9  # thickness of a floor, and from one to the next
 _TILE = 8.0  # the floors are laid in tiles, which follow the ground
 _BAY = (2.5, 5.2)  # width and length of a parking bay
@@ -19,7 +19,7 @@ def place_deck(
 ) -> None:
     """Build a deck over the part ``span`` of a street; the street is its middle lane."""
     reach = yard.settings.corridor + yard.between(13.0, 26.0)
-    clear, storeys = yard.between(*CLEAR), int(yard.rng.integers(1, 4))
+    clear, storeys = yard.between(*_CLEAR), int(yard.rng.integers(1, 4))
     _lay_floors(sides[0], span, reach, clear, storeys, yard)
     pitch = yard.between(2.0, 3.0) * _BAY[0]
     for side in sides:
