@@ -104,7 +104,8 @@ def _protocol(run: Run) -> dict[str, Any]:
     """Settings that belong to no dataset: how checkpoints are chosen, and the preprocessing."""
     evaluation = run.config.get("evaluation") or {}
     radii = evaluation.get("radii") or [None]
-    first = {HEADLINE: radii[0], "evaluation.over": evaluation.get("over")}
+    first = {HEADLINE: radii[0]}
+    first |= {f"evaluation.{name}": evaluation.get(name) for name in ("over", "wrong_beyond")}
     return flatten(first) | flatten(run.config.get("preprocessing"), "preprocessing")
 
 
