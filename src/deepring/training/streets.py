@@ -147,7 +147,8 @@ class StreetSet(TrainingSet[StreetBatch]):
 
     def _stretch(self, drive: Scans, before: list[int], spacing: float) -> list[int]:
         """The first scans of a drive that lie beyond ``spacing`` of each other and those before."""
-        points, chosen = self.points[drive], []
+        points = self.points[drive]
+        chosen: list[int] = []
         free = np.ones(len(drive), dtype=np.bool_)
         for place in before:
             free &= np.linalg.norm(points - self.points[place], axis=1) > spacing
@@ -159,7 +160,8 @@ class StreetSet(TrainingSet[StreetBatch]):
 
     def _queries(self, places: Scans, rng: np.random.Generator) -> Scans:
         """Random scans at the places, up to ``queries`` for each stretch."""
-        taken, queries = set(places.tolist()), []
+        taken = set(places.tolist())
+        queries: list[Scans] = []
         for stretch in places.reshape(self.scheme.stretches, -1):
             seen = [self.passing(int(place)) for place in stretch]
             pool = [k for k in np.unique(np.concatenate(seen)).tolist() if k not in taken]
