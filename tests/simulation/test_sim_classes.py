@@ -26,7 +26,7 @@ DIGESTS = {
 def in_world(scene, session, index):
     """World points (n, 3) and labels (n,) of the returns of one scan."""
     sweep, drive = scene.sweep(session, index), scene.drives[session]
-    pose = drive.poses(drive.scan_stamps[index : index + 1])[0] @ scene.sensors[0].mount
+    pose = drive.poses(drive.scan_stamps[index : index + 1])[0] @ scene.sensors[session].mount
     return sweep.points[sweep.valid] @ pose[:3, :3].T + pose[:3, 3], sweep.labels[sweep.valid]
 
 

@@ -5,7 +5,8 @@ import pytest
 
 from deepring.simulation.ground import rolling_ground
 from deepring.simulation.raycast import GROUND, NOTHING, Fan, cast
-from deepring.simulation.shapes import PrismList, Prisms
+from deepring.simulation.shapes import PrismList
+from helpers.raycasts import random_prisms, reference
 from helpers.scenes import flat_ground
 
 ORIGIN = np.array([0.0, 0.0, 1.8])
@@ -19,52 +20,6 @@ def fan(elevations_deg, columns=8, first=0.0) -> Fan:
 def shoot(some_fan, prisms, ground=None, origin=ORIGIN, max_range=100.0):
     ground = flat_ground() if ground is None else ground
     return cast(some_fan, origin, prisms, ground, max_range, np.random.default_rng(0))
-
-
-def random_prisms(count: int, rng: np.random.Generator) -> Prisms:
-    things = PrismList()
-    while len(things.rows) < count:
-        x, y = rng.uniform(-60, 60, 2)
-        if np.hypot(x, y) < 16:
-            continue
-        z1 = rng.uniform(0.5, 15.0)
-        if rng.random() < 0.5:
-            size = (rng.uniform(0.5, 20.0), rng.uniform(0.3, 8.0))
-            things.box((x, y), size, rng.uniform(-4, 4), (-0.5, z1))
-        else:
-            things.cylinder((x, y), rng.uniform(0.1, 4.0), (-0.5, z1))
-    return things.freeze()
-
-
-def reference(some_fan: Fan, origin, prisms: Prisms, max_range=100.0):
-    """Horizontal distance of every ray, by a three-dimensional test of each ray and prism."""
-    c, s = np.cos(some_fan.headings)[:, None], np.sin(some_fan.headings)[:, None]
-    slope = some_fan.slopes
-    with np.errstate(divide="ignore", invalid="ignore"):
-        best = np.where(slope < 0, -origin[2] / slope, np.inf)
-        for i in range(len(prisms)):
-            dx, dy = origin[0] - prisms.x[i], origin[1] - prisms.y[i]
-            if prisms.round[i]:
-                b, q = dx * c + dy * s, dx**2 + dy**2 - prisms.half_length[i] ** 2
-                root = np.sqrt(b**2 - q)  # NaN where the ray passes by
-                spans = [(-b - root, -b + root)]
-            else:
-                cy, sy = np.cos(prisms.yaw[i]), np.sin(prisms.yaw[i])
-                spans = [
-                    slab(dx * cy + dy * sy, c * cy + s * sy, prisms.half_length[i]),
-                    slab(dy * cy - dx * sy, s * cy - c * sy, prisms.half_width[i]),
-                ]
-            half = (prisms.z1[i] - prisms.z0[i]) / 2
-            spans.append(slab(origin[2] - prisms.z0[i] - half, slope, half))
-            near = np.max(np.stack([np.broadcast_to(a, slope.shape) for a, _ in spans]), axis=0)
-            far = np.min(np.stack([np.broadcast_to(b, slope.shape) for _, b in spans]), axis=0)
-            best = np.where((near < far) & (near > 0) & (near < best), near, best)
-    return np.where(best * np.sqrt(1 + slope**2) > max_range, np.inf, best)
-
-
-def slab(start, speed, half):
-    a, b = (-half - start) / speed, (half - start) / speed
-    return np.minimum(a, b), np.maximum(a, b)
 
 
 def test_flat_ground_is_met_at_height_over_slope():
@@ -135,6 +90,33 @@ def test_ceilings_above_the_sensor_match_the_reference():
     # A steep beam meets the lowest of the three above it.
     assert hit[0, -1] == 1
     assert distance[0, -1] == pytest.approx(1.2 / np.tan(np.deg2rad(80.0)))
+
+
+@pytest.mark.parametrize("begin", [0, 3, 250, 290])
+def test_a_sector_is_a_part_of_the_circle(begin):
+    prisms = random_prisms(150, np.random.default_rng(6))
+    slopes = np.tile(np.tan(np.deg2rad(np.linspace(-25.0, 30.0, 23))), (300, 1))
+    whole = Fan(0.3, slopes)
+    index = np.arange(begin, begin + 40) % 300
+    sector = Fan(0.3 + begin * whole.step, slopes[index], 300)
+    distance, hit = shoot(whole, prisms)
+    part, part_hit = shoot(sector, prisms)
+    np.testing.assert_allclose(part, distance[index], rtol=1e-9)
+    np.testing.assert_array_equal(part_hit, hit[index])
+    np.testing.assert_allclose(part, reference(sector, ORIGIN, prisms), rtol=1e-6)
+
+
+def test_a_sector_of_rolling_ground_is_near_that_of_the_circle():
+    ground = rolling_ground(2.0, np.random.default_rng(3))
+    origin = np.array([0.0, 0.0, float(ground.height(np.zeros(1), np.zeros(1))[0]) + 1.0])
+    slopes = np.tile(np.tan(np.deg2rad(np.linspace(-20.0, -3.0, 18))), (360, 1))
+    whole, _ = shoot(Fan(0.0, slopes), PrismList().freeze(), ground, origin)
+    part, _ = shoot(Fan(whole_step(359), slopes[:7], 360), PrismList().freeze(), ground, origin)
+    np.testing.assert_allclose(part, whole[[359, 0, 1, 2, 3, 4, 5]], rtol=2e-3)
+
+
+def whole_step(columns):
+    return columns * 2 * np.pi / 360
 
 
 def test_a_wall_hides_what_is_behind_and_not_what_is_taller():

@@ -51,7 +51,7 @@ def of_kind(prisms, kind):
 def above_ground(scene, session, index):
     """Heights above the ground (n,), labels (n,) of a scan's returns."""
     sweep, drive = scene.sweep(session, index), scene.drives[session]
-    pose = drive.poses(drive.scan_stamps[index : index + 1])[0] @ scene.sensors[0].mount
+    pose = drive.poses(drive.scan_stamps[index : index + 1])[0] @ scene.sensors[session].mount
     points = sweep.points[sweep.valid] @ pose[:3, :3].T + pose[:3, 3]
     ground = scene.world.ground.height(points[:, 0], points[:, 1])
     return points[:, 2] - ground, sweep.labels[sweep.valid]

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deepring.io.files import write_whole
 from deepring.simulation.drive import Drive
@@ -32,21 +33,32 @@ def common_files(root: Path) -> list[Path]:
     return [root / "drive.yaml"]
 
 
+def in_file_order(rays: NDArray, sweep: Sweep) -> NDArray:
+    """Values (n, ...) in the order of a scan's records, of values (C, B, ...) of all rays."""
+    return rays[sweep.valid]
+
+
 def write_scan(path: Path, sweep: Sweep, sensor: Sensor) -> None:
-    """Write a sweep's returns, column by column, in the sensor's own frame."""
+    """Write a sweep's returns, column by column, in the sensor's own frame.
+
+    ``time`` is there if the sensor moved: seconds after the stamp.
+    """
     valid = sweep.valid
-    rows = np.empty((int(valid.sum()), len(_FIELDS)), "<f4")
-    rows[:, :3] = sweep.points[valid] @ sensor.stored
-    rows[:, 3] = sweep.reflectance[valid] * 255
-    write_whole(path, [_header(len(rows)), rows.tobytes()])
+    columns = [sweep.points[valid] @ sensor.stored, sweep.reflectance[valid][:, None] * 255]
+    fields = _FIELDS
+    if sweep.seconds is not None:
+        columns.append(np.broadcast_to(sweep.seconds[:, None], valid.shape)[valid][:, None])
+        fields += ("time",)
+    rows = np.concatenate(columns, axis=1).astype("<f4")
+    write_whole(path, [_header(fields, len(rows)), rows.tobytes()])
 
 
-def _header(count: int) -> bytes:
-    many = len(_FIELDS)
+def _header(names: tuple[str, ...], count: int) -> bytes:
+    many = len(names)
     lines = (
         "# .PCD v0.7 - Point Cloud Data file format",
         "VERSION 0.7",
-        f"FIELDS {' '.join(_FIELDS)}",
+        f"FIELDS {' '.join(names)}",
         f"SIZE{' 4' * many}",
         f"TYPE{' F' * many}",
         f"COUNT{' 1' * many}",

@@ -5,7 +5,7 @@ from pathlib import Path, PurePath
 
 from deepring.errors import FileError
 from deepring.io.files import part_of, write_whole
-from deepring.simulation.settings import SimulationSettings
+from deepring.simulation.settings import SimulationSettings, preset
 from deepring.text import shown
 
 #: Increases with each change that alters the bytes of a simulation.
@@ -70,6 +70,8 @@ def _read(root: Path) -> dict[str, object] | None:
 def _check_same(content: dict[str, object], settings: SimulationSettings, root: Path) -> None:
     old = content["settings"]
     assert isinstance(old, dict)
+    if old.get("layout") == settings.layout:  # a manifest from before a setting has its default
+        old = preset(settings.layout).as_dict() | old
     new = settings.as_dict()
     differences = [
         f"{name} is {shown(old.get(name))} there and {shown(new.get(name))} here"

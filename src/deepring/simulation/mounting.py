@@ -1,17 +1,24 @@
 """Which sensor each session has, and how it is mounted."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deepring.core.rigid import pose_from, rotation_from_rpy
+from deepring.simulation.rosette import Rosette
 from deepring.simulation.sensor_models import SENSORS, SensorModel
 from deepring.simulation.settings import SimulationSettings
 
 FloatArray = NDArray[np.float64]
 
 _FARTHEST = 120.0  # the largest max_range of the settings
+#: Settings of the database's sensor; those of the query's begin with ``query_``.
+_OF_SESSION = (
+    *("sensor", "sensor_height", "upside_down"),
+    *("mount_roll_deg", "mount_pitch_deg", "mount_yaw_deg"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +28,8 @@ class Sensor:
     ``elevations`` (B,) of the beams in that frame (rad) ascend. ``mount`` is the pose body <- that
     frame (4, 4), body x forward, y left, z up. ``body_height`` is the height of the body's origin
     above the ground (metres). Points from ``blind`` to ``range`` metres are measured, with the
-    standard deviation ``noise``. ``starts_anywhere`` tells whether column 0 is at any azimuth.
+    standard deviation ``noise``. ``starts_anywhere`` tells whether column 0 is at any azimuth. A
+    sensor with a ``rosette`` has no beams and columns.
     """
 
     elevations: FloatArray
@@ -33,6 +41,7 @@ class Sensor:
     noise: float
     starts_anywhere: bool
     upside_down: bool = False
+    rosette: Rosette | None = None
 
     @property
     def height(self) -> float:
@@ -71,16 +80,14 @@ def sensor_of(settings: SimulationSettings, session: int) -> Sensor:
         return hdl32e_upside_down()
     if settings.layout == "mulran":
         return os1_64()
-    name, height = settings.sensor, settings.sensor_height
-    upside_down = settings.upside_down
-    if session == 1:
-        name = settings.query_sensor or name
-        height = settings.query_sensor_height or height
-        if settings.query_upside_down is not None:
-            upside_down = settings.query_upside_down
-    assert name is not None
-    mount = pose_from(np.eye(3), [0.0, 0.0, height])
-    return _mounted(SENSORS[name], mount, body_height=0.0, upside_down=upside_down)
+    own: dict[str, Any] = {}
+    for name in _OF_SESSION:
+        value = getattr(settings, name)
+        other = getattr(settings, f"query_{name}") if session == 1 else None
+        own[name] = value if other is None else other
+    angles = np.deg2rad([own["mount_roll_deg"], own["mount_pitch_deg"], own["mount_yaw_deg"]])
+    mount = pose_from(rotation_from_rpy(*angles), [0.0, 0.0, own["sensor_height"]])
+    return _mounted(SENSORS[own["sensor"]], mount, 0.0, upside_down=own["upside_down"])
 
 
 def _mounted(
@@ -97,4 +104,5 @@ def _mounted(
         noise=model.noise,
         starts_anywhere=model.starts_anywhere,
         upside_down=upside_down,
+        rosette=model.rosette,
     )

@@ -28,17 +28,22 @@ def pose_files(root: Path, session: str) -> list[Path]:
     return [root / session / name for name in ("ouster_front_stamp.csv", "global_pose.csv")]
 
 
-def write_scan(path: Path, sweep: Sweep, _sensor: Sensor) -> None:
-    """Write x, y, z, intensity (float32) of all rays; a missing return is four zeros.
+def in_file_order(rays: NDArray, _sweep: Sweep) -> NDArray:
+    """Values (n, ...) in the order of a scan's records, of values (C, B, ...) of all rays.
 
     The OS1 rotates clockwise and counts its rings from the top: point i is in ring i % 64 and
     column i // 64.
     """
+    return rays[::-1, ::-1].reshape(-1, *rays.shape[2:])
+
+
+def write_scan(path: Path, sweep: Sweep, _sensor: Sensor) -> None:
+    """Write x, y, z, intensity (float32) of all rays; a missing return is four zeros."""
     grid = np.zeros((*sweep.reflectance.shape, 4), "<f4")
     valid = sweep.valid
     grid[valid, :3] = sweep.points[valid]
     grid[valid, 3] = sweep.reflectance[valid] * 1000
-    write_whole(path, [grid[::-1, ::-1].tobytes()])
+    write_whole(path, [in_file_order(grid, sweep).tobytes()])
 
 
 def write_poses(root: Path, session: str, drive: Drive) -> None:

@@ -30,6 +30,11 @@ def pose_files(root: Path, session: str) -> list[Path]:
     return [root / "ground_truth" / f"groundtruth_{session}.csv"]
 
 
+def in_file_order(rays: NDArray, sweep: Sweep) -> NDArray:
+    """Values (n, ...) in the order of a scan's records, of values (C, B, ...) of all rays."""
+    return rays[sweep.valid]
+
+
 def write_scan(path: Path, sweep: Sweep, sensor: Sensor) -> None:
     """Write a sweep's returns, column by column, in units of 5 mm, in the body frame, z down."""
     valid = sweep.valid

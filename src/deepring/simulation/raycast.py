@@ -26,14 +26,16 @@ _GROUND_STRIDE = 4  # the profile is computed for every fourth azimuth and inter
 
 @dataclass(frozen=True, eq=False)
 class Fan:
-    """Rays in columns: C azimuths in equal counter-clockwise steps over the circle, B beams each.
+    """Rays in columns: C azimuths in equal counter-clockwise steps, B beams each.
 
     ``first`` is the world heading (rad) of column 0. ``slopes`` (C, B) are the tangents of the
-    beams' world elevations, ascending along B.
+    beams' world elevations, ascending along B. ``circle`` is the number of columns that would go
+    round; None: these do.
     """
 
     first: float
     slopes: FloatArray
+    circle: int | None = None
 
     @property
     def headings(self) -> FloatArray:
@@ -43,7 +45,17 @@ class Fan:
     @property
     def step(self) -> float:
         """Angle between neighbouring columns (rad)."""
-        return 2 * np.pi / len(self.slopes)
+        return 2 * np.pi / self.around
+
+    @property
+    def around(self) -> int:
+        """Number of columns that go round."""
+        return self.circle or len(self.slopes)
+
+    @property
+    def whole(self) -> bool:
+        """Whether the columns go round."""
+        return self.around == len(self.slopes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +119,15 @@ def _ground_distance(fan: Fan, origin: FloatArray, ground: Ground, max_range: fl
     """
     columns = len(fan.slopes)
     radii = np.concatenate([[0.0], np.geomspace(0.8, max_range, _GROUND_RINGS)])
-    coarse = fan.headings[::_GROUND_STRIDE]
+    # One more behind the end of a sector; a whole circle ends at its beginning.
+    count = -(-columns // _GROUND_STRIDE) + (not fan.whole)
+    coarse = fan.first + fan.step * np.arange(0.0, count * _GROUND_STRIDE, _GROUND_STRIDE)
     heights = ground.height(
         origin[0] + np.cos(coarse)[:, None] * radii, origin[1] + np.sin(coarse)[:, None] * radii
     )
     slopes = np.full(heights.shape, -20.0)  # steeper than any beam, below the sensor
     slopes[:, 1:] = (heights[:, 1:] - origin[2]) / radii[1:]
-    profile = np.maximum.accumulate(_between(slopes, columns), axis=1)
+    profile = np.maximum.accumulate(_between(slopes, fan), axis=1)
 
     # One sorted search for all columns, each lifted above the previous one.
     lift = 100.0 * np.arange(columns)[:, None]
@@ -136,13 +150,14 @@ def _height_above(origin: FloatArray, ground: Ground) -> float:
     return float(origin[2] - ground.height(origin[0], origin[1]))
 
 
-def _between(coarse: FloatArray, columns: int) -> FloatArray:
-    """Rows (C, n) interpolated around the circle from every ``_GROUND_STRIDE``-th row."""
+def _between(coarse: FloatArray, fan: Fan) -> FloatArray:
+    """Rows (C, n) interpolated between the rows of every ``_GROUND_STRIDE``-th column."""
+    columns = len(fan.slopes)
     index = np.arange(columns)
     left = index // _GROUND_STRIDE
     right = (left + 1) % len(coarse)
-    width = np.minimum(_GROUND_STRIDE, columns - left * _GROUND_STRIDE)
-    share = ((index % _GROUND_STRIDE) / width)[:, None]
+    room = columns - left * _GROUND_STRIDE if fan.whole else _GROUND_STRIDE
+    share = ((index % _GROUND_STRIDE) / np.minimum(_GROUND_STRIDE, room))[:, None]
     return (1 - share) * coarse[left] + share * coarse[right]
 
 
@@ -156,9 +171,23 @@ def _candidates(fan: Fan, origin: FloatArray, prisms: Prisms) -> tuple[IntArray,
     start = (np.arctan2(dy, dx) - half - fan.first) / fan.step
     begin = np.ceil(start).astype(np.int64)
     count = np.floor(start + 2 * half / fan.step).astype(np.int64) - begin + 1
-    count = np.clip(count, 0, len(fan.slopes))
-    prism, offset = _ranges(count)
-    return prism, (begin[prism] + offset) % len(fan.slopes)
+    count = np.clip(count, 0, fan.around)
+    if fan.whole:
+        prism, offset = _ranges(count)
+        return prism, (begin[prism] + offset) % fan.around
+    return _within(begin % fan.around, count, fan)
+
+
+def _within(begin: IntArray, count: IntArray, fan: Fan) -> tuple[IntArray, IntArray]:
+    """Prism and column of the columns ``begin`` to ``begin + count`` that are in the sector.
+
+    Columns from ``around`` on are in the next revolution, whose part of the sector counts as well.
+    """
+    columns = len(fan.slopes)
+    starts = np.concatenate([begin, np.zeros_like(begin)])
+    ends = np.concatenate([begin + count, begin + count - fan.around])
+    prism, offset = _ranges(np.maximum(np.minimum(ends, columns) - starts, 0))
+    return prism % len(begin), starts[prism] + offset
 
 
 def _ranges(count: IntArray) -> tuple[IntArray, IntArray]:

@@ -3,13 +3,16 @@
 from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deepring.simulation.drive import Drive, plan_drives
 from deepring.simulation.mounting import Sensor, sensor_of
-from deepring.simulation.sensors import Sweep, scan
+from deepring.simulation.sensors import Sweep, scan, scan_in_motion
 from deepring.simulation.settings import SimulationSettings
 from deepring.simulation.shapes import DATABASE, QUERY, Prisms
 from deepring.simulation.world import World, build_world, moving_objects
+
+FloatArray = NDArray[np.float64]
 
 
 class Scene:
@@ -27,14 +30,25 @@ class Scene:
         return database, query
 
     def sweep(self, session: int, index: int) -> Sweep:
-        """Scan ``index`` of a session, with its own random numbers: the same on each call."""
+        """Scan ``index`` of a session, with its own random numbers: the same on each call.
+
+        With motion distortion it begins at the scan's stamp, whose pose the ground truth has.
+        """
         settings, drive, sensor = self.settings, self.drives[session], self.sensors[session]
         rng = np.random.default_rng([settings.seed, 4, session, index])
-        pose = drive.poses(drive.scan_stamps[index : index + 1])[0]
+        stamp = drive.scan_stamps[index : index + 1]
+        pose = drive.poses(stamp)[0]
         movers = moving_objects(pose, self.world.ground, settings, rng)
         phase = rng.uniform(0.0, 2 * np.pi) if sensor.starts_anywhere else 0.0
         prisms = self._standing[session] + movers
-        return scan(sensor, pose, phase, prisms, self.world.ground, settings, rng)
+        ground = self.world.ground
+        if not settings.motion_distortion:
+            return scan(sensor, pose, phase, prisms, ground, settings, rng)
+
+        def motion(seconds: FloatArray) -> FloatArray:
+            return drive.poses(stamp + np.round(seconds * 1e6).astype(np.int64))
+
+        return scan_in_motion(sensor, motion, phase, prisms, ground, settings, rng)
 
 
 @lru_cache(maxsize=1)

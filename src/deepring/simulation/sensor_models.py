@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deepring.simulation.rosette import Rosette
+
 #: Firing order aside, the elevations (degrees) of the VLP-32C's lasers.
 _VLP32C = (
     *(-25.0, -15.639, -11.31, -8.843, -7.254, -6.148, -5.333, -4.667, -4.0, -3.667, -3.333),
@@ -16,9 +18,9 @@ _VLP32C = (
 class SensorModel:
     """What a data sheet says about a LiDAR. Metres, degrees.
 
-    ``beams`` are elevations, ascending. ``columns`` is the number per revolution at 10 Hz. Points
-    are measured from ``blind`` to ``range`` with the standard deviation ``noise``. ``sheet`` names
-    the source.
+    ``beams`` are elevations, ascending, of a LiDAR that spins, and ``columns`` is their number per
+    revolution at 10 Hz. One that does not spin has a ``rosette`` instead. Points are measured from
+    ``blind`` to ``range`` with the standard deviation ``noise``. ``sheet`` names the source.
     """
 
     title: str
@@ -29,6 +31,7 @@ class SensorModel:
     noise: float
     sheet: str
     starts_anywhere: bool = True  # an Ouster's columns are at fixed angles of its encoder
+    rosette: Rosette | None = None
 
 
 def _even(low: float, high: float, count: int) -> tuple[float, ...]:
@@ -104,5 +107,27 @@ SENSORS: dict[str, SensorModel] = {
         noise=0.025,
         sheet="OS2 data sheet, revision C/D: 22.5°, 210 m, deviation 2.5 to 8 cm",
         starts_anywhere=False,
+    ),
+    "livox_avia": SensorModel(
+        title="Livox Avia",
+        beams=(),
+        columns=0,
+        blind=1.0,
+        range=190.0,
+        noise=0.02,
+        sheet="Avia User Manual v1.0: 70.4° x 77.2° (non-repetitive; 4.5° high if repetitive), "
+        "240 000 points/s, 190 m at 10 %, deviation 2 cm at 20 m",
+        rosette=Rosette(width=70.4, height=77.2, points=24_000, lasers=6, spread=4.5),
+    ),
+    "livox_hap": SensorModel(
+        title="Livox HAP",
+        beams=(),
+        columns=0,
+        blind=0.5,
+        range=150.0,
+        noise=0.02,
+        sheet="HAP (TX) User Manual v1.0: 120° x 25°, 452 000 points/s, 150 m at 10 %, blind "
+        "below 0.5 m, deviation 2 cm at 20 m",
+        rosette=Rosette(width=120.0, height=25.0, points=45_200, lasers=6, spread=2.0),
     ),
 }

@@ -1,34 +1,44 @@
-"""A sweep of a spinning LiDAR: scan pattern, noise and dropout."""
+"""A sweep of a LiDAR: what its rays hit, with noise, dropout, rain and motion."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.core.rigid import yaw_of
 from deepring.simulation.ground import Ground
 from deepring.simulation.mounting import Sensor
+from deepring.simulation.patterns import SWEEP, Hits, Pattern, Revolution, Shots
+from deepring.simulation.rain import through_rain
 from deepring.simulation.raycast import Fan, cast
 from deepring.simulation.settings import SimulationSettings
 from deepring.simulation.shapes import PointClass, Prisms
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
-_GROUND_REFLECTANCE = 0.25
+#: Body poses (n, 4, 4), world <- body, world z up, at seconds (n,) after the start of a sweep.
+Motion = Callable[[FloatArray], FloatArray]
+
+_GROUND_REFLECTANCE, _DROP_REFLECTANCE = 0.25, 0.1
+_PARTS = 20  # of a sweep in motion, in each of which the sensor stands still
 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """One revolution: C columns, counter-clockwise from ``phase`` (rad), of B beams, ascending.
+    """One sweep: C columns of B rays.
 
-    ``points`` (C, B, 3) are metres in the sensor's frame (z up), NaN without a return;
-    ``reflectance`` (C, B) is in [0, 1]; ``labels`` (C, B) are each a `PointClass`, 0 without a
-    return.
+    Of a sensor that spins, columns are counter-clockwise from ``phase`` (rad), and beams ascend;
+    of another, each column is one ray, in firing order. ``points`` (C, B, 3) are metres in the
+    sensor's frame (z up), NaN without a return; ``reflectance`` (C, B) is in [0, 1]; ``labels``
+    (C, B) are each a `PointClass`, 0 without a return. ``seconds`` (C,) are from the start of the
+    sweep to each column; None if all is measured at once.
     """
 
     points: FloatArray
     reflectance: FloatArray
     labels: NDArray[np.uint16]
+    seconds: FloatArray | None = None
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -48,49 +58,103 @@ def scan(
 ) -> Sweep:
     """Sweep the sensor once from ``body_pose`` (4, 4), world <- body, world z up.
 
-    ``phase`` is the azimuth (rad) of column 0 in the sensor's frame. Apart from range noise, every
-    point is on a surface visible from the sensor. On a tilted platform beam elevations are exact
-    in the sensor's frame, while azimuths are evenly spaced in the world: in the sensor's frame
-    they differ from an even spacing by the tilt times the tangent of the elevation.
+    ``phase`` is the azimuth (rad) of column 0 in the sensor's frame. Apart from range noise, and
+    drops of rain, every point is on a surface visible from the sensor (see `Pattern` for where
+    rays point).
     """
-    pose = body_pose @ sensor.mount
-    fan = _fan(sensor.elevations, pose, phase, settings.azimuths or sensor.columns)
-    farthest = min(settings.max_range, sensor.range)
-    distance, hit = cast(fan, pose[:3, 3], prisms, ground, farthest, rng)
-    points = _in_sensor_frame(fan, distance, pose)
-    returns, lost = _measure(points, sensor, settings, rng)
+    pattern = _pattern(sensor, phase, settings, rng)
+    everything = np.arange(len(pattern.seconds))
+    hits = _shoot(
+        pattern, everything, body_pose @ sensor.mount, (sensor, prisms, ground), settings, rng
+    )
+    return _measured(hits, sensor, prisms, settings, rng)
+
+
+def scan_in_motion(
+    sensor: Sensor,
+    motion: Motion,
+    phase: float,
+    prisms: Prisms,
+    ground: Ground,
+    settings: SimulationSettings,
+    rng: np.random.Generator,
+) -> Sweep:
+    """A sweep of a platform that moves: each point in the sensor's frame of its own moment.
+
+    The sensor jumps 20 times during the sweep; from where it stands between, every point is on a
+    visible surface, as in `scan`.
+    """
+    pattern = _pattern(sensor, phase, settings, rng)
+    seconds = pattern.seconds
+    part = np.minimum((seconds / SWEEP * _PARTS).astype(np.int64), _PARTS - 1)
+    poses = motion((np.arange(_PARTS) + 0.5) * SWEEP / _PARTS) @ sensor.mount
+    parts, places = [], []
+    for k in np.unique(part):
+        columns = np.flatnonzero(part == k)
+        parts.append(_shoot(pattern, columns, poses[k], (sensor, prisms, ground), settings, rng))
+        places.append(columns)
+    order = np.argsort(np.concatenate(places))
+    hits = Hits(*(np.concatenate(values)[order] for values in zip(*parts, strict=True)))
+    return _measured(hits, sensor, prisms, settings, rng, seconds)
+
+
+def _pattern(
+    sensor: Sensor, phase: float, settings: SimulationSettings, rng: np.random.Generator
+) -> Pattern:
+    if sensor.rosette is not None:
+        sign = -1.0 if sensor.upside_down else 1.0
+        azimuth, elevation = sensor.rosette.shots(SWEEP, rng)
+        return Shots(sign * azimuth, sign * elevation)
+    columns = settings.azimuths or sensor.columns
+    return Revolution(sensor.elevations, phase, columns, clockwise=not sensor.upside_down)
+
+
+def _shoot(
+    pattern: Pattern,
+    columns: IntArray,
+    pose: FloatArray,
+    scene: tuple[Sensor, Prisms, Ground],
+    settings: SimulationSettings,
+    rng: np.random.Generator,
+) -> Hits:
+    """What ``columns`` hit from ``pose``, world <- sensor."""
+    sensor, prisms, ground = scene
+
+    def caster(fan: Fan) -> tuple[FloatArray, IntArray]:
+        farthest = _farthest(sensor, settings)
+        distance, hit = cast(fan, pose[:3, 3], prisms, ground, farthest, rng)
+        if settings.rain_mm_per_hour > 0:
+            return through_rain(fan, distance, hit, settings.rain_mm_per_hour, rng)
+        return distance, hit
+
+    return pattern.part(columns, pose, caster)
+
+
+def _farthest(sensor: Sensor, settings: SimulationSettings) -> float:
+    return min(settings.max_range, sensor.range)
+
+
+def _measured(
+    hits: Hits,
+    sensor: Sensor,
+    prisms: Prisms,
+    settings: SimulationSettings,
+    rng: np.random.Generator,
+    seconds: FloatArray | None = None,
+) -> Sweep:
+    """The sweep that the sensor makes of what its rays hit."""
+    returns, lost = _noisy(hits.points, sensor, settings, rng)
     returns[lost] = np.nan
-    surface = np.append(prisms.reflectance, [0.0, _GROUND_REFLECTANCE])  # NOTHING, GROUND
-    reflectance = surface[hit] + rng.normal(0.0, 0.04, hit.shape)
-    kinds = np.append(prisms.kind, np.array([PointClass.NOTHING, PointClass.GROUND], np.uint16))
-    labels = np.where(lost, np.uint16(PointClass.NOTHING), kinds[hit])
-    return Sweep(returns, np.clip(reflectance, 0.0, 1.0), labels)
+    # DROP, NOTHING and GROUND are the last three.
+    surface = np.append(prisms.reflectance, [_DROP_REFLECTANCE, 0.0, _GROUND_REFLECTANCE])
+    reflectance = surface[hits.hit] + rng.normal(0.0, 0.04, hits.hit.shape)
+    others = [PointClass.OTHER, PointClass.NOTHING, PointClass.GROUND]
+    kinds = np.append(prisms.kind, np.array(others, np.uint16))
+    labels = np.where(lost, np.uint16(PointClass.NOTHING), kinds[hits.hit])
+    return Sweep(returns, np.clip(reflectance, 0.0, 1.0), labels, seconds)
 
 
-def _fan(elevations: FloatArray, pose: FloatArray, phase: float, columns: int) -> Fan:
-    """World slopes of the beams whose elevation in the sensor's frame is ``elevations``.
-
-    A world direction of heading h and elevation ε has the sensor elevation e with
-    sin e = (a cos h + b sin h) cos ε + c sin ε, where (a, b, c) is the sensor's z axis.
-    """
-    first = float(yaw_of(pose)) + phase
-    heading = first + 2 * np.pi / columns * np.arange(columns)
-    a, b, c = pose[:3, 2]
-    lean = a * np.cos(heading) + b * np.sin(heading)
-    size = np.hypot(lean, c)[:, None]
-    elevation = np.arcsin(np.sin(elevations) / size) - np.arctan2(lean, c)[:, None]
-    return Fan(first, np.tan(elevation))
-
-
-def _in_sensor_frame(fan: Fan, distance: FloatArray, pose: FloatArray) -> FloatArray:
-    """Hits (C, B, 3) in the sensor's frame, NaN without a hit."""
-    reach = np.where(np.isfinite(distance), distance, np.nan)
-    c, s = np.cos(fan.headings)[:, None], np.sin(fan.headings)[:, None]
-    world = np.stack([reach * c, reach * s, reach * fan.slopes], axis=-1)
-    return world @ pose[:3, :3]
-
-
-def _measure(
+def _noisy(
     points: FloatArray, sensor: Sensor, settings: SimulationSettings, rng: np.random.Generator
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Points with range noise, and a mask of lost returns: close, dropped, in the blind sector."""
@@ -98,8 +162,7 @@ def _measure(
     noise = sensor.noise if settings.range_noise is None else settings.range_noise
     noisy = points * (1 + noise * rng.normal(size=reach.shape) / reach)[..., None]
     grow = settings.dropout_far - settings.dropout_near
-    farthest = min(settings.max_range, sensor.range)
-    dropout = settings.dropout_near + grow * (reach / farthest) ** 2
+    dropout = settings.dropout_near + grow * (reach / _farthest(sensor, settings)) ** 2
     lost = rng.random(reach.shape) < dropout
     lost |= reach < sensor.blind
     if settings.blind_width_deg > 0:

@@ -58,6 +58,12 @@ class SimulationSettings:
     query_sensor_height: float | None = None
     upside_down: bool = False
     query_upside_down: bool | None = None
+    mount_roll_deg: float = 0.0  # of the sensor on the platform: about its x, then y, then z
+    mount_pitch_deg: float = 0.0
+    mount_yaw_deg: float = 0.0
+    query_mount_roll_deg: float | None = None
+    query_mount_pitch_deg: float | None = None
+    query_mount_yaw_deg: float | None = None
     azimuths: int | None = 1085  # columns per revolution (1024 in MulRan); None: the data sheet's
     max_range: float = 100.0
     range_noise: float | None = 0.025  # standard deviation; None: the data sheet's
@@ -65,6 +71,9 @@ class SimulationSettings:
     dropout_far: float = 0.25  # ... and at max_range; it grows with the squared distance
     tilt_deg: float = 3.0  # standard deviation of the platform's roll and of its pitch
     blind_width_deg: float = 0.0  # sector without returns, centred on the LiDAR's +x
+    motion_distortion: bool = False  # True: the platform moves during a sweep, points as measured
+    rain_mm_per_hour: float = 0.0
+    labels: bool = False  # True: a file with the class of each point beside each scan
 
     # the drives
     lateral_offset: float = 5.0  # largest varying offset of the path to either side
@@ -222,6 +231,10 @@ _RANGES: dict[str, tuple[float, float]] = {
     "dropout_far": (0.0, 1.0),
     "tilt_deg": (0.0, 10.0),
     "blind_width_deg": (0.0, 359.0),
+    "rain_mm_per_hour": (0.0, 100.0),
+    "mount_roll_deg": (-20.0, 20.0),
+    "mount_pitch_deg": (-20.0, 20.0),
+    "mount_yaw_deg": (-180.0, 180.0),
     "lateral_offset": (0.0, 10.0),
     "lateral_knots": (5.0, 1000.0),
     "lane_offset": (0.0, 10.0),
@@ -238,12 +251,15 @@ _OPTIONAL: dict[str, tuple[float, float]] = {
     "range_noise": (0.0, 1.0),
     "sensor_height": (0.2, 10.0),
     "query_sensor_height": (0.2, 10.0),
+    "query_mount_roll_deg": (-20.0, 20.0),
+    "query_mount_pitch_deg": (-20.0, 20.0),
+    "query_mount_yaw_deg": (-180.0, 180.0),
 }
-_SWITCHES = ("upside_down", "query_upside_down")
-#: Settings that the layouts with a sensor of their own do not have.
+_SWITCHES = ("upside_down", "query_upside_down", "motion_distortion", "labels")
+#: Settings that the layouts with a sensor of their own do not have, nor those with ``query_``.
 _OF_ANY_SENSOR = (
-    *("sensor", "query_sensor", "sensor_height", "query_sensor_height"),
-    *("upside_down", "query_upside_down"),
+    *("sensor", "sensor_height", "upside_down"),
+    *("mount_roll_deg", "mount_pitch_deg", "mount_yaw_deg"),
 )
 
 
@@ -251,7 +267,7 @@ def _check_own_sensor(settings: SimulationSettings) -> None:
     """Raise ConfigError for settings that a layout with its own sensor does not have."""
     for field in fields(settings):
         value: Any = getattr(settings, field.name)
-        if field.name in _OF_ANY_SENSOR and value != field.default:
+        if field.name.removeprefix("query_") in _OF_ANY_SENSOR and value != field.default:
             raise ConfigError(
                 f"{field.name}: {value!r}, expected {field.default} in the layout "
                 f"{settings.layout}, which has a sensor of its own; choose the layout custom"

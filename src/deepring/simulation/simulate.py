@@ -7,10 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from numpy.typing import NDArray
+
 from deepring import checks
 from deepring.progress import Progress
 from deepring.simulation import custom_writer, manifest, mulran_writer, nclt_writer
 from deepring.simulation.drive import Drive
+from deepring.simulation.label_files import label_path, write_labels
 from deepring.simulation.mounting import Sensor
 from deepring.simulation.scene import Scene, scene_of
 from deepring.simulation.sensors import Sweep
@@ -29,6 +32,9 @@ class Writer(Protocol):
 
     def pose_files(self, root: Path, session: str, /) -> list[Path]:
         """The files of `write_poses`."""
+
+    def in_file_order(self, rays: NDArray, sweep: Sweep, /) -> NDArray:
+        """Values (n, ...) in the order of a scan's records, of values (C, B, ...) of all rays."""
 
     def write_scan(self, path: Path, sweep: Sweep, sensor: Sensor, /) -> None:
         """Write one sweep."""
@@ -51,6 +57,11 @@ class _ScanTask:
     session: int
     index: int
     path: Path
+
+    @property
+    def files(self) -> list[Path]:
+        """The scan's file, and that of its labels if there is one."""
+        return [self.path, label_path(self.path)] if self.settings.labels else [self.path]
 
 
 def simulate(
@@ -87,7 +98,8 @@ def session_names(settings: SimulationSettings) -> tuple[str, str]:
 
 def _finish(scene: Scene, root: Path, tasks: Sequence[_ScanTask]) -> None:
     writer = _writer(scene.settings)
-    scans = Counter(task.path.parent.relative_to(root).as_posix() for task in tasks)
+    written = [path for task in tasks for path in task.files]
+    scans = Counter(path.parent.relative_to(root).as_posix() for path in written)
     files = [path for name in writer.SESSIONS for path in writer.pose_files(root, name)]
     files += writer.common_files(root)
     poses = [path.relative_to(root).as_posix() for path in files]
@@ -115,7 +127,7 @@ def _write_poses(scene: Scene, root: Path) -> None:
 
 def _write_scans(tasks: Sequence[_ScanTask], workers: int, progress: Progress | None) -> None:
     """Write the missing scans."""
-    missing = [task for task in tasks if not task.path.is_file()]
+    missing = [task for task in tasks if not all(path.is_file() for path in task.files)]
     for count, _ in enumerate(_each(missing, workers), len(tasks) - len(missing) + 1):
         if progress is not None:
             progress(count, len(tasks))
@@ -132,7 +144,10 @@ def _each(tasks: Sequence[_ScanTask], workers: int) -> Iterator[None]:
 def _write_scan(task: _ScanTask) -> None:
     scene = scene_of(task.settings)
     sweep = scene.sweep(task.session, task.index)
-    _writer(task.settings).write_scan(task.path, sweep, scene.sensors[task.session])
+    writer = _writer(task.settings)
+    if task.settings.labels:
+        write_labels(task.path, writer.in_file_order(sweep.labels, sweep))
+    writer.write_scan(task.path, sweep, scene.sensors[task.session])
 
 
 def _writer(settings: SimulationSettings) -> Writer:
