@@ -177,6 +177,8 @@ BESIDE = {
     "sampling=streets": ["loss=graded_cross_entropy"],
     "sampling=tuples": ["loss=lazy_quadruplet"],
     "loss=batch_hard": ["sampling=batch_hard"],
+    "loss=batch_softmax": ["sampling=batch_hard"],
+    "loss=batch_softmax_with_turn": ["sampling=batch_hard"],
     "loss=lazy_quadruplet": ["sampling=tuples"],
     "loss=quadruplet_with_turn": ["sampling=tuples"],
     "method/aggregation=dft2": ["method/similarity=l2"],
