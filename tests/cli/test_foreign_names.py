@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from deepring.evaluation.case import Case
-from deepring.evaluation.results import Result, write_results
+from deepring.evaluation.results import write_results
 from deepring.localization.map import Map
 from deepring.testing import walls
 from helpers.cli import deepring
 from helpers.networks import small_network
+from helpers.results import result_of
 
 NAMES = {
     "escape": "a\x1b[2J\x1b]0;title\x07.bin",
@@ -91,8 +92,7 @@ def test_labels_of_results_are_printed_as_text(label, tmp_path):
     """A run's results in the tables of the terminal, of Markdown, of LaTeX, and in figures."""
     run = tmp_path / "run"
     case = Case(label, "", "sim", "test")
-    counts = (10.0, 5, 4, 4, 1.0, 1.0, 1.0, 1.0, 0.1, 0.1)
-    write_results(run / "results.csv", [Result(case, *counts)])
+    write_results(run / "results.csv", [result_of(case, 10.0)])
     (run / "status.json").write_text('{"state": "finished"}', encoding="utf-8")
     (run / "versions.json").write_text('{"git_commit": "\\u001b[2J"}', encoding="utf-8")
     config = {"seed": 0, "data": {"name": "sim"}, "method": {"_target_": "a.b"}, "train_data": {}}

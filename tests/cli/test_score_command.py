@@ -9,6 +9,7 @@ from deepring.evaluation.results import read_results
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
 from deepring.rasters import BevRaster, ContextRaster
+from deepring.reports.results_table import interval_text
 from helpers.cli import deepring, refused, work_of
 from helpers.drives import road_task
 
@@ -52,11 +53,15 @@ def test_the_figures_are_those_of_an_evaluation_at_these_radii(run, tmp_path, ca
     assert all(row.seconds_per_scan > 0 < row.seconds_per_query for row in written)
     ring = next(line for line in shown(out) if line[:1] == ["RING"])
     best = rows[0]
-    assert ring[1:5] == ["-", f"{best.answerable}/70", *rates(best)]
+    assert ring[1:7] == ["-", f"{best.answerable}/70", *rates(best)]
 
 
 def rates(row):
-    return [f"{row.recall_1:.3f}", f"{row.recall_5:.3f}"]
+    return [
+        text
+        for recall in (row.recall_1, row.recall_5)
+        for text in (f"{recall:.3f}", interval_text(recall, row.answerable))
+    ]
 
 
 def test_by_default_nothing_is_written_and_the_protocol_s_radii_are_shown(run, capsys):

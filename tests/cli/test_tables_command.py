@@ -2,16 +2,18 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from deepring.errors import DeepringError
 from deepring.evaluation.case import Case
-from deepring.evaluation.matches import TopMatches, write_matches
-from deepring.evaluation.results import Result, write_results
+from deepring.evaluation.matches import TopMatches, read_matches, write_matches
+from deepring.evaluation.results import write_results
 from deepring.experiment.status import Status, write_status
 from helpers.cli import deepring, refused, work_of
+from helpers.results import result_of
 
 
 def train(folder, recall=0.5, seed=0, kind="dft", ways=24, data="sim", status="finished"):
@@ -32,7 +34,7 @@ def train(folder, recall=0.5, seed=0, kind="dft", ways=24, data="sim", status="f
     folder.mkdir(parents=True)
     (folder / "config.yaml").write_text(json.dumps(config))
     rates = (recall, 0.9, 0.8, 0.7)
-    result = Result(Case("DeepRING", data, data, "test"), 10.0, 50, 100, 50, *rates, 0.01, 0.002)
+    result = result_of(Case("DeepRING", data, data, "test"), 10.0, rates=rates)
     write_results(folder / "results.csv", [result])
     write_status(folder, Status(status, error="broke" if status == "failed" else None))
 
@@ -54,17 +56,19 @@ def shown(out):
 def test_the_table_is_printed_and_written_in_every_format(sweep, capsys):
     work_of("tables", sweep)
     out = capsys.readouterr().out
-    assert ["Ours", "SG", "DFT", "CE", "0.850", "±", "0.071", "0.859"] in shown(out)
+    assert ["Ours", "SG", "DFT", "CE", "0.850", "±", "0.071", "(.73-.92)", "0.859"] in shown(out)
     assert "left out: sweep/gmp-0: failed: broke" in out
     assert "GMP" not in out
     written = sweep / "tables"
     files = {path.name for path in written.iterdir()}
     assert files == {"table3.md", "table3.tex", "table3.csv", "table3.png"}
     assert all(f"tables/{name}" in out for name in files)
-    assert "| Ours | SG | DFT | CE | **0.850 ± 0.071** | 0.859 |" in (
+    assert "| Ours | SG | DFT | CE | **0.850 ± 0.071 (.73-.92)** | 0.859 |" in (
         written / "table3.md"
     ).read_text(encoding="utf-8")
-    assert r"\textbf{0.850 $\pm$ 0.071} & 0.859 \\" in (written / "table3.tex").read_text()
+    assert (
+        r"\textbf{0.850 $\pm$ 0.071 (.73-.92)} & 0.859 \\" in (written / "table3.tex").read_text()
+    )
     assert (written / "table3.png").read_bytes().startswith(b"\x89PNG")
     with (written / "table3.csv").open(newline="") as file:
         rows = {row["Aggregation"]: row for row in csv.DictReader(file)}
@@ -133,7 +137,7 @@ def compared(folder, method, kind, trained, seed=0, recall=0.5, retrievals=True)
         for region in ("test", "whole"):
             rates = (recall + number / 10, 0.9, 0.8, 0.7)
             case = Case(method, trained, test, region)
-            results.append(Result(case, 10.0, 50, 100, 50, *rates, 0.01, 0.002))
+            results.append(result_of(case, 10.0, rates=rates))
             if retrievals:
                 metres = np.arange(100, dtype=np.float32)[:, None] % 17
                 place, nearest = np.zeros((100, 1), np.int64), metres[:, 0] / 2
@@ -157,17 +161,21 @@ def comparison(tmp_path):
 def test_runs_of_several_methods_are_compared(comparison, capsys):
     work_of("tables", comparison)
     out = capsys.readouterr().out
-    assert ["sim_nclt", "RING", "0.500", "±", "0.000", "0.664"] in [row[:6] for row in shown(out)]
-    assert ["DiSCO", "0.650", "±", "0.071", "0.793"] in [row[:5] for row in shown(out)]
+    assert ["sim_nclt", "RING", "0.500", "±", "0.000", "(.37-.63)"] in [
+        row[:6] for row in shown(out)
+    ]
+    assert ["DiSCO", "0.650", "±", "0.071", "(.51-.77)"] in [row[:5] for row in shown(out)]
     assert "DiSCO: own DiSCO" in out
     written = comparison / "tables"
     files = {path.name for path in written.iterdir()}
-    names = ("table1", "table2", "crossing", "costs")
+    names = ("table1", "table2", "crossing", "costs", "paired")
     expected = {f"{name}.{ending}" for name in names for ending in ("md", "tex")}
-    assert files == expected | {"comparison.csv", "pr_curves.png"}
+    assert files == expected | {"comparison.csv", "paired.csv", "pr_curves.png"}
     assert all(f"tables/{name}" in out for name in files)
-    assert "**0.650 ± 0.071** | 0.793" in (written / "table1.md").read_text(encoding="utf-8")
-    assert r"\textbf{0.650 $\pm$ 0.071} & 0.793" in (written / "table1.tex").read_text()
+    assert "**0.650 ± 0.071 (.51-.77)** | 0.793" in (written / "table1.md").read_text(
+        encoding="utf-8"
+    )
+    assert r"\textbf{0.650 $\pm$ 0.071 (.51-.77)} & 0.793" in (written / "table1.tex").read_text()
     assert "| DiSCO | 10 | 2 | 1.5 | 2 |" in (written / "costs.md").read_text()
     assert (written / "pr_curves.png").read_bytes().startswith(b"\x89PNG")
     with (written / "comparison.csv").open(newline="") as file:
@@ -179,6 +187,26 @@ def test_runs_of_several_methods_are_compared(comparison, capsys):
     row = rows["DiSCO", "sim_nclt", "sim_mulran", "whole"]
     assert (row["table"], row["recall_1_seed_0"], row["paper_auc"]) == ("table2", "0.7", "0.796")
     assert "no curve" not in out
+    with (written / "paired.csv").open(newline="") as file:
+        pairs = list(csv.DictReader(file))
+    assert {(pair["one"], pair["other"]) for pair in pairs} == {("DiSCO", "RING")}
+    assert {pair["p"] for pair in pairs} == {"1.0"}, "all retrieved the same"
+    assert len(pairs) == 8
+
+
+def test_two_methods_are_told_apart_by_the_queries_that_one_alone_answers(tmp_path, capsys):
+    sweep = tmp_path / "sweep"
+    compared(sweep / "disco", "DiSCO", "disco.Disco", "sim_nclt", recall=0.7)
+    compared(sweep / "ring", "RING", "ring.Ring", "")
+    path = sweep / "ring" / "retrievals" / "RING__sim_nclt__test.csv"
+    matches = read_matches(path)
+    distance = matches.distance.copy()
+    distance[:8] = 50.0  # right without that: 0 to 7 m
+    distance[16] = 1.0  # wrong without that: 16 m
+    write_matches(sweep / "ring", replace(matches, distance=distance))
+    work_of("tables", sweep)
+    ends = [row[-5:] for row in shown(capsys.readouterr().out)]
+    assert ["RING", "100", "8", "1", "0.039"] in ends
 
 
 def test_compared_again_gives_the_same_files_wherever_they_are_written(comparison, tmp_path):

@@ -1,7 +1,7 @@
 """Results survive the file, and files that cannot be right are refused with their line."""
 
 import math
-from dataclasses import FrozenInstanceError, astuple, replace
+from dataclasses import FrozenInstanceError, replace
 
 import pytest
 from hypothesis import given, settings
@@ -10,9 +10,12 @@ from hypothesis import strategies as st
 from deepring.errors import DeepringError
 from deepring.evaluation.case import Case
 from deepring.evaluation.results import COLUMNS, Result, read_results, write_results
+from helpers.results import result_of
 
 CASE = Case("DeepRING", "nclt", "mulran", "test")
-EXAMPLE = Result(CASE, 10.0, 120, 480, 450, 0.9, 0.95, 0.947, 0.99, 0.004, 1e-5)
+EXAMPLE = result_of(
+    CASE, 10.0, (120, 480, 450), (0.9, 0.95, 0.947, 0.99), (0.004, 1e-5), wrong_beyond_m=20.0
+)
 
 printable = st.characters(exclude_categories=["C", "Z"], include_characters=" ")
 names = st.text(printable, max_size=12)
@@ -25,8 +28,9 @@ counts = st.integers(0, 10**9)
 def any_result(draw):
     radius = draw(st.floats(0, exclude_min=True, allow_infinity=False))
     queries = draw(counts)
-    tested = (radius, draw(counts), queries, draw(st.integers(0, queries)))
-    reached = (*(draw(rates) for _ in range(4)), draw(seconds), draw(seconds))
+    beyond = draw(st.floats(radius, allow_infinity=False))
+    tested = (radius, beyond, draw(counts), queries, draw(st.integers(0, queries)))
+    reached = (*(draw(rates) for _ in range(6)), draw(seconds), draw(seconds))
     return Result(Case(*(draw(names) for _ in range(4))), *tested, *reached)
 
 
@@ -44,8 +48,10 @@ def test_round_trip_is_exact(folder, results):
 
 def test_the_columns_are_these():
     assert ",".join(COLUMNS) == (
-        "method,train,test,region,radius_m,database,queries,answerable,"
-        "recall_1,recall_5,f1_max,auc,seconds_per_scan,seconds_per_query"
+        "method,train,test,region,radius_m,wrong_beyond_m,database,queries,answerable,"
+        "recall_1,recall_1_low,recall_1_high,recall_5,recall_5_low,recall_5_high,"
+        "recall_1_percent,recall_1_percent_low,recall_1_percent_high,"
+        "f1_max,auc,ap,seconds_per_scan,seconds_per_query"
     )
 
 
@@ -59,12 +65,14 @@ def test_a_result_cannot_be_changed():
     [
         ("radius_m", 0.0),
         ("radius_m", math.inf),
+        ("wrong_beyond_m", 9.9),
         ("database", -1),
         ("queries", 480.0),
         ("answerable", 481),
         ("recall_1", 1.1),
         ("auc", math.nan),
         ("auc", None),
+        ("ap", -0.1),
         ("seconds_per_scan", -0.1),
         ("seconds_per_query", math.inf),
     ],
@@ -104,8 +112,9 @@ def test_a_path_that_cannot_be_written_is_refused(tmp_path):
 
 def test_a_spreadsheet_s_byte_order_mark_and_line_ends_are_read(tmp_path):
     path = tmp_path / "results.csv"
-    row = ",".join(str(value) for value in (*astuple(CASE), *astuple(EXAMPLE)[1:]))
-    path.write_bytes(f"\ufeff{','.join(COLUMNS)}\r\n{row}\r\n\r\n".encode())
+    write_results(path, [EXAMPLE])
+    text = path.read_text(encoding="utf-8").replace("\n", "\r\n")
+    path.write_bytes(f"\ufeff{text}\r\n".encode())
     assert read_results(path) == [EXAMPLE]
 
 
@@ -124,7 +133,11 @@ def written(tmp_path, change):
         (lambda text: text.replace(",450,", ",many,", 1), "line 2: answerable: 'many', .*a whole"),
         (lambda text: text[:-1].rsplit(",", 1)[0] + ",soon\n", "line 3: seconds_per_query: 'soon'"),
         (lambda text: text.replace(",0.9,", ",1.9,", 1), r"line 2: recall_1: 1\.9"),
-        (lambda text: text.replace(",0.9,", ",", 1), "line 2: 13 values; expected 14"),
+        (lambda text: text.replace(",0.9,", ",", 1), "line 2: 22 values; expected 23"),
+        (
+            lambda text: text.replace(str(EXAMPLE.interval("recall_1")[0]), "0.5", 1),
+            r"line 2: recall_1_low: 0\.5, expected a bound of 0\.868",
+        ),
         (lambda text: text + '"open', "is not valid CSV"),
         (lambda text: text.replace("mulran", "mul\x07ran", 1), "line 2: test: "),
     ],

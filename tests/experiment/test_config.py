@@ -165,6 +165,9 @@ def test_a_table_iii_row_changes_what_it_names_and_nothing_else(composed):
     assert changed("pg") == {"method.raster", "method.representation"}
     assert changed("gap") == changed("gmp") == changed("multi_gap") == {"method.aggregation"}
     assert changed("triplet") == {"loss", "method.similarity"}
+    assert changed("streets") == changed("streets_smooth_ap") == {"loss", "sampling"}
+    assert changed("graded") == changed("overlapping") == {"loss", "sampling"}
+    assert changed("neighbours") == {"sampling"}
     assert changed("triplet_dft2") == {"loss", "method.similarity", "method.aggregation"}
 
 
@@ -174,6 +177,8 @@ BESIDE = {
     "sampling=streets": ["loss=graded_cross_entropy"],
     "sampling=tuples": ["loss=lazy_quadruplet"],
     "loss=batch_hard": ["sampling=batch_hard"],
+    "loss=batch_softmax": ["sampling=batch_hard"],
+    "loss=batch_softmax_with_turn": ["sampling=batch_hard"],
     "loss=lazy_quadruplet": ["sampling=tuples"],
     "loss=quadruplet_with_turn": ["sampling=tuples"],
     "method/aggregation=dft2": ["method/similarity=l2"],
@@ -220,7 +225,9 @@ def lines_of(folder, name):
     return (config_folder() / folder / f"{name}.yaml").read_text().splitlines()
 
 
-@pytest.mark.parametrize("name", ["aggregation", "loss", "representation", "table3", "way"])
+@pytest.mark.parametrize(
+    "name", ["aggregation", "episodes", "loss", "representation", "table3", "way"]
+)
 def test_each_ablation_names_its_command_and_every_job_of_it_composes(composed, name):
     assert lines_of("sweep", name)[1] == f"# deepring train -m sweep={name}"
     params = OmegaConf.create("\n".join(lines_of("sweep", name))).hydra.sweeper.params
@@ -233,7 +240,7 @@ def test_each_ablation_names_its_command_and_every_job_of_it_composes(composed, 
             assert cfg.data.root.endswith("sim_nclt_seed1")
             assert build.fixed_methods(cfg) == {}  # the network alone, again and again
             module = build.module(cfg, [], build.method(cfg.method))
-            settings.append((module.hparams, cfg.sampling["ways"]))
+            settings.append((module.hparams, cfg.sampling))
     assert len(settings) > 2
     assert all(a != b for a, b in combinations(settings, 2))
 
@@ -316,3 +323,13 @@ def test_every_command_of_the_docs_composes(page, command, composed):
     cfg = composed(*downloads, *overrides, name=name)
     if cfg.method is not None:
         assert build.method(cfg.method).raster.shape
+
+
+def test_the_augmentation_is_none_unless_chosen(composed):
+    assert build.augmentation(composed(ROOT, "method=deepring_small").augmentation) is None
+    chosen = build.augmentation(composed(ROOT, "augmentation=partial").augmentation)
+    assert (chosen.blind, chosen.blind_width, chosen.dropped) == (0.3, (20.0, 130.0), 0.3)
+    with pytest.raises(DeepringError, match=r"augmentation\.blind: 2"):
+        build.augmentation(
+            composed(ROOT, "augmentation=partial", "augmentation.blind=2").augmentation
+        )

@@ -7,16 +7,15 @@ from omegaconf import OmegaConf
 
 from deepring.errors import DeepringError
 from deepring.evaluation.case import Case
-from deepring.evaluation.results import Result, write_results
+from deepring.evaluation.results import write_results
 from deepring.experiment.record import record_of
 from deepring.experiment.runs import find_runs, read_run
 from deepring.experiment.status import Status, write_status
 from deepring.paper.ablation import ablation_tables
 from deepring.paper.ablation_tables import shown_table
+from helpers.results import result_of
 
-RESULT = Result(
-    Case("DeepRING", "sim", "sim", "test"), 10.0, 50, 100, 50, 0.5, 0.9, 0.8, 0.7, 0.1, 0.1
-)
+RESULT = result_of(Case("DeepRING", "sim", "sim", "test"), 10.0)
 
 
 def run_folder(folder, config=None, status=None, commit="c0ffee"):

@@ -68,6 +68,18 @@ def test_it_is_a_method_of_1024_numbers():
     assert central_magnitude(torch.zeros(2, 120, 40), published.size).shape == (2, 1024)
 
 
+def test_a_unit_signature_knows_neither_mean_nor_scale_of_the_map():
+    feature = maps(3, 24, 16)
+    unit = network(signature="unit").signature
+    assert torch.allclose(unit(feature).norm(dim=1), torch.ones(3), atol=1e-5)
+    assert torch.allclose(unit(7.0 * feature + 5.0), unit(feature), atol=1e-5)
+    raw = network().signature
+    assert torch.equal(raw(feature), central_magnitude(feature, 8))
+    assert not torch.allclose(raw(feature + 5.0), raw(feature), atol=0.1)
+    with pytest.raises(DeepringError, match=r"disco\.signature: 'log', expected one of raw, unit"):
+        network(signature="log")
+
+
 @pytest.mark.parametrize("strides", [1, 3, -2])
 def test_turns_by_the_stride_change_nothing_with_circular_padding(strides):
     net = network(padding="circular")

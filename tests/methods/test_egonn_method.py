@@ -37,6 +37,13 @@ def test_it_is_a_method_and_its_settings_make_it_again():
     assert net.describe(images).shape == (3, 256)
 
 
+def test_at_unit_norm_the_directions_are_the_same():
+    images = scans(3)
+    plain, unit = method().describe(images), method(normalised=True).describe(images)
+    assert not torch.allclose(plain.norm(dim=1), torch.ones(3), atol=0.01)
+    assert torch.allclose(unit, plain / plain.norm(dim=1, keepdim=True), atol=1e-6)
+
+
 def test_padding_and_the_rest_of_the_batch_change_nothing():
     net, images = method(), scans(3)
     longer = torch.full((3, 7000, 3), PADDING, dtype=images.dtype)

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from deepring.errors import DeepringError
 from deepring.evaluation.case import Case
-from deepring.evaluation.results import Result
 from deepring.paper.ablation import ablation_tables
 from deepring.paper.ablation_results import collect_rows
 from deepring.paper.ablation_tables import number_table, shown_table
-from deepring.paper.seed_groups import Run, mean_text, varied
+from deepring.paper.seed_groups import ABOUT_INTERVALS, Run, mean_text, varied
+from helpers.results import result_of, without_intervals
 
 LOSSES = "deepring.training.episodes."
 GAP = {"method.aggregation.kind": "gap"}
@@ -58,8 +58,11 @@ def config(seed=0, changes=()):
 
 def run(recall=0.5, seed=0, changes=(), folder=None, **fields):
     rates = (recall, 0.9, 0.8, 0.7)
-    row = Result(Case("DeepRING", "sim", "sim", "test"), 10.0, 50, 100, 50, *rates, 0.01, 0.002)
-    results = [replace(row, **fields), replace(row, radius_m=5.0, recall_1=0.25)]
+    row = result_of(Case("DeepRING", "sim", "sim", "test"), 10.0, rates=rates)
+    results = [
+        replace(row, **fields),
+        replace(row, radius_m=5.0, wrong_beyond_m=5.0, recall_1=0.25),
+    ]
     baseline = replace(row, case=Case("RING", "", "sim", "test"), recall_1=0.0)
     changes = dict(changes)
     folder = folder or f"{'+'.join(f'{k}-{v}' for k, v in changes.items()) or 'ours'}+seed-{seed}"
@@ -72,12 +75,14 @@ def table(runs, **kwargs):
 
 
 def texts(grid):
-    """Rows of a grid as lists of text; bold in stars."""
-    return [[f"*{text}*" if bold else text for text, bold in row] for row in grid.rows]
+    """Rows of a grid as lists of text, without intervals; bold in stars."""
+    rows = [[(without_intervals(text), bold) for text, bold in row] for row in grid.rows]
+    return [[f"*{text}*" if bold else text for text, bold in row] for row in rows]
 
 
 def column(grid, header):
-    return [row[list(grid.headers).index(header)].text for row in grid.rows]
+    cells = [row[list(grid.headers).index(header)] for row in grid.rows]
+    return [without_intervals(cell.text) for cell in cells]
 
 
 def test_a_row_is_the_mean_and_sample_deviation_over_its_seeds():
@@ -341,4 +346,5 @@ def test_notes_say_whose_seeds_are_lacking_and_which_commits_made_the_runs():
     assert f"rows are not over the same seeds, so that none is marked best: {lacking}" in notes
     assert "made by several versions of the code: commits c0ffee (3 runs), unknown (1 run)" in notes
     assert notes[-1] == "left out: x"
-    assert table(runs[:2]).notes == ["mean ± sample standard deviation over the seeds 0, 1"]
+    means = "mean ± sample standard deviation over the seeds 0, 1"
+    assert table(runs[:2]).notes == [means, ABOUT_INTERVALS]

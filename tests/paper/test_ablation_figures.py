@@ -3,16 +3,16 @@
 import pytest
 
 from deepring.evaluation.case import Case
-from deepring.evaluation.results import Result
 from deepring.paper.ablation import ablation_tables
 from deepring.paper.ablation_figures import ablation_figure
 from deepring.paper.seed_groups import Run
 from deepring.reports.style import save
+from helpers.results import result_of
 
 
 def run(recall, seed=0, kind="dft", ways=24, pool=1):
     rates = (recall, 0.9, 0.8, 0.7)
-    result = Result(Case("DeepRING", "sim", "sim", "test"), 10.0, 50, 100, 50, *rates, 0.01, 0.002)
+    result = result_of(Case("DeepRING", "sim", "sim", "test"), 10.0, rates=rates)
     config = {
         "seed": seed,
         "method": {

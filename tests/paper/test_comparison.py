@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from deepring.errors import DeepringError
 from deepring.evaluation.case import Case
-from deepring.evaluation.results import Result
 from deepring.paper.comparison import compare, is_comparison
 from deepring.paper.comparison_tables import number_table, shown_tables
 from deepring.paper.paper_values import PAPER_RATES, Rates, family, paper_rates, slip
-from deepring.paper.seed_groups import Run
+from deepring.paper.seed_groups import ABOUT_INTERVALS, Run
 from deepring.reports.table import latex, markdown
+from helpers.results import result_of, without_intervals
 
 NCLT, MULRAN, KITTI = "sim_nclt", "sim_mulran", "sim_kitti"
 CLASSES = {"DiSCO": "disco.Disco", "EgoNN": "egonn.EgoNnGlobal", "RING": "ring.Ring"}
@@ -24,9 +24,7 @@ CLASSES = {"DiSCO": "disco.Disco", "EgoNN": "egonn.EgoNnGlobal", "RING": "ring.R
 def result(method, train, test, region="test", recall=0.5, **fields):
     rates = (recall, 0.9, 0.8, 0.7)
     counts = (50, 100, 80)
-    return replace(
-        Result(Case(method, train, test, region), 10.0, *counts, *rates, 0.01, 0.002), **fields
-    )
+    return replace(result_of(Case(method, train, test, region), 10.0, counts, rates), **fields)
 
 
 def dataset(name, seed, **changes):
@@ -90,12 +88,14 @@ def shown(runs, **kwargs):
 
 
 def texts(grid):
-    """Rows of a grid as lists of text; bold in stars."""
-    return [[f"*{text}*" if bold else text for text, bold in row] for row in grid.rows]
+    """Rows of a grid as lists of text, without intervals; bold in stars."""
+    rows = [[(without_intervals(text), bold) for text, bold in row] for row in grid.rows]
+    return [[f"*{text}*" if bold else text for text, bold in row] for row in rows]
 
 
 def column(grid, header):
-    return [row[list(grid.headers).index(header)].text for row in grid.rows]
+    cells = [row[list(grid.headers).index(header)] for row in grid.rows]
+    return [without_intervals(cell.text) for cell in cells]
 
 
 def numbers(runs, **kwargs):
@@ -278,7 +278,7 @@ def test_crossing_needs_both_of_one_seed():
     grid = shown([*runs, learned("EgoNN"), learned("EgoNN", MULRAN)])["crossing"]
     first = texts(grid)[0]
     assert first[3:] == ["*0.800*", "*0.600*", "*-0.200*"], "seed 1 has no other half"
-    assert grid.notes == ["one run a row, seed 0"]
+    assert grid.notes == ["one run a row, seed 0", ABOUT_INTERVALS]
 
 
 def test_costs_are_medians_over_results_and_a_mean_over_trainings():
@@ -490,7 +490,7 @@ def test_latex_is_balanced(name):
 
 
 def test_markdown_is_one_table_a_grid():
-    text = markdown([shown(sweep())["table1"]])
+    text = without_intervals(markdown([shown(sweep())["table1"]]))
     assert "| sim_nclt | RING | 0.700 | 0.664 |" in text
     assert "| **0.900** | 0.859 |" in text
 

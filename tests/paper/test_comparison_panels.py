@@ -6,10 +6,10 @@ import torch
 from deepring.evaluation.case import Case
 from deepring.evaluation.counting import precision_recall
 from deepring.evaluation.matches import TopMatches
-from deepring.evaluation.results import Result
 from deepring.paper.comparison import compare
 from deepring.paper.comparison_figures import curve_panels
 from deepring.paper.seed_groups import Run
+from helpers.results import result_of
 
 TESTS = [(test, region) for test in ("sim_nclt", "sim_mulran") for region in ("test", "whole")]
 
@@ -18,10 +18,7 @@ def run(method, train, seed=0):
     """A run tested in both regions of both datasets."""
     target = "disco.Disco" if train else "ring.Ring"
     config = {"seed": seed, "method": {"_target_": f"deepring.methods.{target}"}}
-    results = [
-        Result(Case(method, train, *test), 10.0, 50, 9, 5, 0.5, 0.9, 0.8, 0.7, 0.01, 0.002)
-        for test in TESTS
-    ]
+    results = [result_of(Case(method, train, *test), 10.0, (50, 9, 5)) for test in TESTS]
     return Run(f"{method}-{train}-{seed}", config, results)
 
 

@@ -7,14 +7,14 @@ import torch
 from deepring.errors import DeepringError
 from deepring.evaluation.case import Case
 from deepring.evaluation.metrics import max_f1, place_auc, place_precision_recall
-from deepring.evaluation.results import Result
 from deepring.reports.curves import precision_recall_figure, recall_radius_figure
 from deepring.reports.style import save
+from helpers.results import result_of
 
 
 def result(method="RING", radius=10.0, recall=0.8, train="", test="nclt", queries=100):
     rates = (recall, recall, recall, recall)
-    return Result(Case(method, train, test, "test"), radius, 50, queries, 50, *rates, 0.01, 0.002)
+    return result_of(Case(method, train, test, "test"), radius, (50, queries, 50), rates)
 
 
 def legend(figure):

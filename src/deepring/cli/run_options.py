@@ -93,6 +93,13 @@ def add_score(parser: Parser) -> None:
         metavar="M,M,...",
         help="revisit radii in metres, the headline first (%(default)s)",
     )
+    parser.add_argument(
+        "--wrong-beyond",
+        type=number(0, "metres"),
+        metavar="M",
+        help="metres beyond which a best place is wrong; nearer ones that are not right do not "
+        "count for F1, AUC and AP (all that is not right is wrong)",
+    )
     _add_over(parser)
     add_method(parser)
     add_output(parser, "FILE", "also write the results as CSV", required=False)

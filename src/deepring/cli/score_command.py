@@ -20,7 +20,8 @@ def score_command(args: argparse.Namespace) -> None:
     results: list[Result] = []
     for pair in find_pairs(args.folder):
         with progress_bar(f"{pair.query.name}: looking up") as bar:
-            results += score_pair(pair, args.radii, bar, args.method).results
+            outcome = score_pair(pair, args.radii, bar, args.method, wrong_beyond=args.wrong_beyond)
+            results += outcome.results
     console.print(render(results, args.radii[0], over))
     if len(args.radii) > 1:
         console.print(render_radii(results, over))

@@ -20,6 +20,8 @@ from deepring.paper.comparison import MethodComparison, compare, is_comparison
 from deepring.paper.comparison_figures import comparison_figure, curve_panels
 from deepring.paper.comparison_tables import number_table as comparison_numbers
 from deepring.paper.comparison_tables import shown_tables
+from deepring.paper.paired_tables import number_table as paired_numbers
+from deepring.paper.paired_tables import pairs_of, retrieved_by_case, shown_pairs
 from deepring.paper.seed_groups import Run
 from deepring.reports.style import save
 from deepring.reports.table import Table, csv, latex, markdown, terminal
@@ -56,7 +58,15 @@ def _show_comparison(comparison: MethodComparison, runs: Sequence[Run], folder: 
     for name, table in tables.items():
         _write_shown(name, table, folder)
     _write(folder / "comparison.csv", csv(comparison_numbers(comparison)))
-    matches = ((run.seed, of_case) for run in runs for of_case in matches_in(run.folder))
+    retrieved = retrieved_by_case(
+        (run.seed, of_case) for run in runs for of_case in matches_in(run.folder)
+    )
+    pairs = pairs_of(comparison, retrieved)
+    if shown := shown_pairs(pairs, comparison):
+        console.print(terminal([shown]))
+        _write_shown("paired", shown, folder)
+        _write(folder / "paired.csv", csv(paired_numbers(pairs)))
+    matches = ((seed, of_case) for (_, seed), of_case in retrieved.items())
     panels, lacking = curve_panels(comparison, matches)
     if panels:
         for row in lacking:

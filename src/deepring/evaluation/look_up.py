@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from deepring.errors import DataError
+from deepring.evaluation.metrics import one_percent
 from deepring.methods.method import Method, index_of
 from deepring.search.hits import Hits, Index
 from deepring.search.search_settings import SearchSettings
@@ -14,8 +15,14 @@ from deepring.search.search_settings import SearchSettings
 #: Places per query: as many as Recall@5 needs.
 BEST = 5
 
+
 #: Every place is compared in float32, so that figures do not depend on a search's shortcuts.
 EXACT = SearchSettings(precision="float32", code=None)
+
+
+def best_of(places: int, least: int = BEST) -> int:
+    """How many of a query's best places are kept: for Recall@5, Recall@1% and ``least``."""
+    return max(BEST, least, one_percent(places))
 
 
 def fill_index(method: Method, descriptors: Iterable[Tensor]) -> Index:

@@ -1,4 +1,4 @@
-"""Retrieval metrics of the evaluation protocol: Recall@K, precision-recall, max-F1 and its AUC.
+"""Retrieval metrics of the evaluation protocol: Recall@K, precision-recall, max-F1, AUC and AP.
 
 A retrieval is right when the retrieved place lies within the radius; a query is answerable when
 some database place does. A query counts by its top score and the rank of its first right
@@ -165,25 +165,61 @@ def area_under(precision: Tensor, recall: Tensor) -> Tensor:
     return torch.trapezoid(torch.cat([precision[:1], precision]), torch.cat([anchor, recall]))
 
 
-def recall_of_ranks(ranks: Tensor, k: int, radius: float, over: Over = "answerable") -> Tensor:
-    """``recall_at_k`` of the ranks (q,) that `first_right` or `first_right_among` gave."""
-    check_share(k, over)
+def average_precision(precision: Tensor, recall: Tensor) -> Tensor:
+    """Average precision: Σ (R_i - R_(i-1)) P_i along a curve (t,), the highest threshold first.
+
+    R_0 is 0. No straight lines are drawn between thresholds, so that few of them, or many equal
+    scores, flatter nobody as they may in ``area_under``.
+
+    >>> average_precision(torch.tensor([1.0, 0.5, 0.6]), torch.tensor([0.5, 0.5, 1.0]))
+    tensor(0.8000)
+    """
+    return (recall.diff(prepend=torch.zeros_like(recall[:1])) * precision).sum()
+
+
+def one_percent(places: int) -> int:
+    """How many places are 1 % of them, rounded half to even and at least 1, as PointNetVLAD counts.
+
+    >>> one_percent(120), one_percent(160), one_percent(4541), one_percent(3)
+    (1, 2, 45, 1)
+    """
+    return max(1, round(places / 100))
+
+
+def recall_of_ranks(
+    ranks: Tensor, k: int | Tensor, radius: float, over: Over = "answerable"
+) -> Tensor:
+    """``recall_at_k`` of the ranks (q,) that `first_right` or `first_right_among` gave.
+
+    ``k`` is a number of places, or one (q,) for each query.
+    """
+    check_share(1 if isinstance(k, Tensor) else k, over)
     answerable = _count_answerable(ranks, radius)
     right = ((ranks > 0) & (ranks <= k)).sum()
     return right.float() / (answerable if over == "answerable" else len(ranks))
 
 
-def curve_of_ranks(top: Tensor, ranks: Tensor, radius: float) -> tuple[Tensor, Tensor, Tensor]:
-    """``place_precision_recall`` of the top scores (q,) and the ranks (q,) of `first_right`."""
+def curve_of_ranks(
+    top: Tensor, ranks: Tensor, radius: float, wrong: Tensor | None = None
+) -> tuple[Tensor, Tensor, Tensor]:
+    """``place_precision_recall`` of the top scores (q,) and the ranks (q,) of `first_right`.
+
+    ``wrong`` (q,) bool says whose best place is wrong; None means all that are not right. A best
+    place that is neither lies in the grey zone: accepted, it counts for nothing, and the curve
+    begins where one counts.
+    """
     answerable = _count_answerable(ranks, radius)
     top, order = top.sort(descending=True)
     last_of_equals = torch.cat([top[1:] != top[:-1], top.new_ones(1, dtype=torch.bool)])
     accepted = last_of_equals.nonzero().flatten() + 1
-    true_positives = (ranks[order] == 1).cumsum(0)[accepted - 1]
+    right = ranks == 1
+    true_positives = right[order].cumsum(0)[accepted - 1]
     false_negatives = answerable - (ranks[order] > 0).cumsum(0)[accepted - 1]
-    precision = true_positives.float() / accepted
+    counted = accepted if wrong is None else (right | wrong)[order].cumsum(0)[accepted - 1]
+    precision = true_positives.float() / counted.clamp(min=1)
     recall = true_positives.float() / (true_positives + false_negatives).clamp(min=1)
-    return precision, recall, top[last_of_equals]
+    begin = min(int((counted == 0).sum()), len(counted) - 1)
+    return precision[begin:], recall[begin:], top[last_of_equals][begin:]
 
 
 def _count_answerable(ranks: Tensor, radius: float) -> int:

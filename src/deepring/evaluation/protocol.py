@@ -14,10 +14,10 @@ from deepring import checks
 from deepring.data.scan_set import ScanSet
 from deepring.errors import ConfigError, DataError
 from deepring.evaluation.case import Case
-from deepring.evaluation.counting import count
+from deepring.evaluation.counting import check_grey_zone, count
 from deepring.evaluation.distances import nearest_distances
 from deepring.evaluation.export import Export
-from deepring.evaluation.look_up import BEST, fill_index, look_up
+from deepring.evaluation.look_up import BEST, best_of, fill_index, look_up
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.results import Result
 from deepring.evaluation.task import RetrievalTask
@@ -55,6 +55,7 @@ def evaluate_method(
     device: torch.device | None = None,
     progress: Progress | None = None,
     export: Path | None = None,
+    wrong_beyond: float | None = None,
 ) -> Outcome:
     """Describe both sides, look every query up, and count at each revisit radius (metres).
 
@@ -66,14 +67,15 @@ def evaluate_method(
         method: on ``device``.
         task: in the method's raster.
         radii: the headline first.
-        best: matches per query, at least 5.
+        best: least number of matches per query; 5 and 1 % of the places are kept anyway.
         device: where the method describes scans; None is the CPU.
         progress: called with scans done and their total.
         export: folder for the descriptors, one file per side, which
             `deepring.evaluation.scoring` evaluates again.
+        wrong_beyond: metres, see `deepring.evaluation.counting`.
 
     Raises:
-        ConfigError: no radius, or one that is not above 0.
+        ConfigError: no radius, one that is not above 0, or a ``wrong_beyond`` below one.
         DataError: an empty side, or no query with an answer within the first radius, before
             anything is described.
     """
@@ -86,6 +88,7 @@ def evaluate_method(
             )
     nearest = nearest_distances(query, database)
     check_answerable(case, nearest, radii)
+    check_grey_zone(radii, wrong_beyond)
     writer = None if export is None else Export(export, case, method)
 
     places: Iterable[Tensor] = describe_batches(method, task.database, BATCH, device, progress)
@@ -99,9 +102,10 @@ def evaluate_method(
         queries = list(queries)
         writer.add("query", query, torch.cat(queries), per_scan)
         writer.write()
-    hits, per_query = look_up(index, queries, best)
+    hits, per_query = look_up(index, queries, best_of(len(database), best))
     matches = TopMatches.of_hits(case, query, database, hits, nearest)
-    return Outcome(matches, count(matches, radii, len(database), per_scan, per_query))
+    results = count(matches, radii, len(database), per_scan, per_query, wrong_beyond)
+    return Outcome(matches, results)
 
 
 def check_answerable(case: Case, nearest: NDArray[np.float32], radii: Sequence[float]) -> None:

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from deepring.data.scan_set import ScanSet
 from deepring.evaluation.counting import count
-from deepring.evaluation.look_up import BEST
+from deepring.evaluation.look_up import best_of
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.protocol import Outcome
 from deepring.evaluation.reranked_labels import NAMES
@@ -31,6 +31,7 @@ def evaluate_reranked(
     modes: Sequence[Rerank],
     settings: RerankSettings,
     progress: Progress | None = None,
+    wrong_beyond: float | None = None,
 ) -> list[Outcome]:
     """Outcomes of the same method on the same task after re-ranking, one per mode.
 
@@ -40,11 +41,13 @@ def evaluate_reranked(
         modes: 'pose', 'locate'.
         settings: how candidates are selected and aligned.
         progress: called with queries done and their total.
+        wrong_beyond: metres, see `deepring.evaluation.counting`.
     """
     matches, query, database = outcome.matches, task.scans.query, task.scans.database
     poses = planar_poses(database)
     images = rows_of(query, matches.query)
-    places = torch.from_numpy(rows_of(database, matches.place[:, : settings.candidates]))
+    found = torch.from_numpy(rows_of(database, matches.place))
+    places, others = found[:, : settings.candidates], found[:, settings.candidates :]
     turns = None if matches.turn is None else torch.from_numpy(matches.turn[:, : places.shape[1]])
     orders: dict[Rerank, list[Order]] = {mode: [] for mode in modes}
     started = time.perf_counter()
@@ -54,7 +57,7 @@ def evaluate_reranked(
         alignment = align_candidates(image, turn, candidates, settings)
         for mode in modes:
             order = (
-                _by_pose(place, alignment, settings)
+                _by_pose(place, others[q], alignment, settings)
                 if mode == "pose"
                 else _by_location(place, alignment, poses, settings)
             )
@@ -72,7 +75,8 @@ def evaluate_reranked(
         ranking = TopMatches.of_hits(
             case, query, database, Hits(place, score, None), matches.nearest
         )
-        results = count(ranking, radii, len(database), alone.seconds_per_scan, per_query)
+        per_scan = alone.seconds_per_scan
+        results = count(ranking, radii, len(database), per_scan, per_query, wrong_beyond)
         outcomes.append(Outcome(ranking, results))
     return outcomes
 
@@ -83,10 +87,13 @@ def planar_poses(scans: ScanSet) -> Tensor:
     return torch.from_numpy(np.column_stack([scans.positions, heading]))
 
 
-def _by_pose(places: Tensor, alignment: Alignment, settings: RerankSettings) -> Order:
-    """The candidates, ordered by their distance from the query by the alignment."""
+def _by_pose(
+    places: Tensor, others: Tensor, alignment: Alignment, settings: RerankSettings
+) -> Order:
+    """The candidates by their distance from the query by the alignment, then the others."""
     order = by_pose(alignment, settings)
-    return places[order], alignment.score[order[0]].expand(len(order))
+    ranking = torch.cat([places[order], others])
+    return ranking, alignment.score[order[0]].expand(len(ranking))
 
 
 def _by_location(
@@ -95,5 +102,5 @@ def _by_location(
     """The places of the whole database nearest to where the best candidate puts the query."""
     best = best_fit(alignment, poses[places], settings)
     away = torch.linalg.vector_norm(poses[:, :2] - best.position, dim=-1)
-    order = away.argsort(stable=True)[:BEST]
+    order = away.argsort(stable=True)[: best_of(len(poses))]
     return order, torch.full((len(order),), best.fit)

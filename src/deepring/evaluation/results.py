@@ -1,42 +1,54 @@
 """Results of evaluations, one per line of a CSV file."""
 
 import csv
-from collections.abc import Iterable
-from dataclasses import astuple, dataclass, fields
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Literal, get_args
 
 from deepring import checks
 from deepring.errors import DataError, DeepringError, FileError
 from deepring.evaluation.case import Case
 from deepring.evaluation.csv_errors import CSV_ERRORS, csv_reason
+from deepring.evaluation.intervals import wilson
 from deepring.io.files import replacing
 from deepring.io.numbers_as_text import real_number, whole_number
 from deepring.text import shown
+
+RecallName = Literal["recall_1", "recall_5", "recall_1_percent"]
+
+#: The recalls of a result.
+RECALLS: tuple[RecallName, ...] = get_args(RecallName)
 
 
 @dataclass(frozen=True)
 class Result:
     """Rates and times of one case at one revisit radius: one row of the CSV file.
 
-    Rates lie in [0, 1]; ``recall_1`` and ``recall_5`` are shares of the answerable queries.
-    Raises ConfigError for a value of another type or out of its range, and DataError for more
-    answerable queries than queries.
+    Rates lie in [0, 1]; recalls are shares of the answerable queries. The file has the 95 %
+    interval of each recall beside it, as `interval` gives it. Raises ConfigError for a value of
+    another type or out of its range, and DataError for more answerable queries than queries.
     """
 
     case: Case
     radius_m: float
+    wrong_beyond_m: float  # a best place farther than this is wrong; between: see `counting`
     database: int  # places
     queries: int
     answerable: int  # queries with a database place within the radius
     recall_1: float
     recall_5: float
+    recall_1_percent: float  # among the best 1 % of the places
     f1_max: float
     auc: float
+    ap: float  # average precision
     seconds_per_scan: float  # from points to descriptor
-    seconds_per_query: float  # search of the whole database
+    seconds_per_query: float  # search of all places that the query is compared with
 
     def __post_init__(self) -> None:
         checks.positive("radius_m", self.radius_m, "metres")
+        checks.at_least("wrong_beyond_m", self.wrong_beyond_m, self.radius_m, "metres")
         for name in _COUNTS:
             checks.count(name, getattr(self, name), 0)
         for name in _RATES:
@@ -49,12 +61,22 @@ class Result:
                 f"{self.queries}"
             )
 
+    def interval(self, recall: RecallName) -> tuple[float, float]:
+        """The 95 % interval of a recall over the answerable queries, see `wilson`."""
+        return wilson(getattr(self, recall), self.answerable)
+
 
 _TEXT = tuple(field.name for field in fields(Case))
 _NUMBERS = tuple(field.name for field in fields(Result) if field.name != "case")
-COLUMNS = _TEXT + _NUMBERS
 _COUNTS = ("database", "queries", "answerable")
-_RATES = ("recall_1", "recall_5", "f1_max", "auc")
+_RATES = (*RECALLS, "f1_max", "auc", "ap")
+#: The columns of a recall's interval.
+_INTERVALS = {name: (f"{name}_low", f"{name}_high") for name in RECALLS}
+COLUMNS = _TEXT + tuple(
+    column
+    for name in _NUMBERS
+    for column in (name, *_INTERVALS.get(name, ()))  # type: ignore[call-overload]
+)
 
 
 def write_results(path: str | Path, results: Iterable[Result]) -> None:
@@ -69,7 +91,7 @@ def write_results(path: str | Path, results: Iterable[Result]) -> None:
     ):
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
-        writer.writerows([*astuple(result)[0], *astuple(result)[1:]] for result in results)
+        writer.writerows(map(_row, results))
 
 
 def read_results(path: str | Path) -> list[Result]:
@@ -107,15 +129,38 @@ def _parse(path: Path, line: int, row: list[str]) -> Result:
     where = f"results {path}, line {line}"
     if len(row) != len(COLUMNS):
         raise FileError(f"{where}: {len(row)} values; expected {len(COLUMNS)}, as in the header")
-    texts, numbers = row[: len(_TEXT)], row[len(_TEXT) :]
-    values: list[int | float] = []
-    for name, text in zip(_NUMBERS, numbers, strict=True):
+    numbers: dict[str, int | float] = {}
+    for name, text in zip(COLUMNS[len(_TEXT) :], row[len(_TEXT) :], strict=True):
         try:
-            values.append(whole_number(text) if name in _COUNTS else real_number(text))
+            numbers[name] = whole_number(text) if name in _COUNTS else real_number(text)
         except ValueError:
             kind = "a whole number" if name in _COUNTS else "a number"
             raise FileError(f"{where}: {name}: {shown(text)}, expected {kind}") from None
     try:
-        return Result(Case(*texts), *values)  # type: ignore[arg-type]
+        values = [numbers[name] for name in _NUMBERS]
+        result = Result(Case(*row[: len(_TEXT)]), *values)  # type: ignore[arg-type]
     except DeepringError as error:
         raise FileError(f"{where}: {error}") from None
+    _check_intervals(where, result, numbers)
+    return result
+
+
+def _check_intervals(where: str, result: Result, numbers: Mapping[str, float]) -> None:
+    """Raise FileError for an interval that does not belong to its recall."""
+    for recall, columns in _INTERVALS.items():
+        for column, bound in zip(columns, result.interval(recall), strict=True):
+            if not math.isclose(numbers[column], bound, abs_tol=1e-6):
+                raise FileError(
+                    f"{where}: {column}: {numbers[column]}, expected a bound of {bound:.6f}, for "
+                    f"a {recall} of {getattr(result, recall)} among {result.answerable} queries; "
+                    "run the evaluation again"
+                )
+
+
+def _row(result: Result) -> list[str | float]:
+    row: list[str | float] = [*result.case.columns.values()]
+    for name in _NUMBERS:
+        row.append(getattr(result, name))
+        if name in _INTERVALS:
+            row += result.interval(name)
+    return row

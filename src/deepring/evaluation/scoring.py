@@ -9,11 +9,11 @@ import torch
 from torch import Tensor
 
 from deepring.errors import DataError, DeepringError, FileError
-from deepring.evaluation.counting import count
+from deepring.evaluation.counting import check_grey_zone, count
 from deepring.evaluation.descriptors import ENDING, DescriptorSet, read_descriptors
 from deepring.evaluation.distances import nearest_distances
 from deepring.evaluation.fingerprint import fingerprint, first_difference
-from deepring.evaluation.look_up import fill_index, look_up
+from deepring.evaluation.look_up import best_of, fill_index, look_up
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.protocol import BATCH, RADII, Outcome, check_answerable
 from deepring.methods.method import Method, rebuild_method
@@ -31,6 +31,7 @@ def score_descriptors(
     radii: Sequence[float] = RADII,
     device: torch.device | None = None,
     progress: Progress | None = None,
+    wrong_beyond: float | None = None,
 ) -> Outcome:
     """Evaluate exported descriptors as `evaluate_method` does, at any radii (metres).
 
@@ -38,7 +39,7 @@ def score_descriptors(
     measured again; ``seconds_per_scan`` was measured at the export.
 
     Raises:
-        ConfigError: no radius, or one that is not above 0.
+        ConfigError: no radius, one that is not above 0, or a ``wrong_beyond`` below one.
         DataError: sides of different methods or regions; a method that did not make them (for a
             network on the device 'meta' the weights are not compared); no query that has a place
             within the first radius.
@@ -47,10 +48,12 @@ def score_descriptors(
     _check_method(method, query)
     nearest = nearest_distances(query, database)
     check_answerable(query.case, nearest, radii)
+    check_grey_zone(radii, wrong_beyond)
     index = fill_index(method, _batches(database, device))
-    hits, per_query = look_up(index, _batches(query, device, progress))
+    hits, per_query = look_up(index, _batches(query, device, progress), best_of(len(database)))
     matches = TopMatches.of_hits(query.case, query, database, hits, nearest)
-    results = count(matches, radii, len(database), query.seconds_per_scan, per_query)
+    per_scan = query.seconds_per_scan
+    results = count(matches, radii, len(database), per_scan, per_query, wrong_beyond)
     return Outcome(matches, results)
 
 
@@ -106,6 +109,7 @@ def score_pair(
     radii: Sequence[float] = RADII,
     progress: Progress | None = None,
     own_class: str | type | None = None,
+    wrong_beyond: float | None = None,
 ) -> Outcome:
     """`score_descriptors` of two files, with the method rebuilt from their fingerprint.
 
@@ -116,7 +120,9 @@ def score_pair(
     try:
         _check_pair(query, database)  # before a method is built from one of them
         method = rebuild_method(query.made_by, own_class)
-        return score_descriptors(method, query, database, radii, progress=progress)
+        return score_descriptors(
+            method, query, database, radii, progress=progress, wrong_beyond=wrong_beyond
+        )
     except DeepringError as error:
         files = f"{pair.query} and {pair.database.name}"
         raise type(error)(f"{files}: {error}", error.argument) from error

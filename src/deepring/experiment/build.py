@@ -25,6 +25,7 @@ from deepring.io.typed import typed, typed_values
 from deepring.methods.method import Method
 from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.rasters import Raster, make_raster, raster_settings
+from deepring.training.augmentation import Augmentation
 from deepring.training.callbacks import BetweenEpochs, EpochLines
 from deepring.training.datamodule import PlaceDataModule
 from deepring.training.module import PlaceModule
@@ -147,6 +148,11 @@ def scheme(node: Mapping[str, Any] | None) -> TrainingScheme:
     return cast("TrainingScheme", typed(kind, values, "sampling", whole=False))
 
 
+def augmentation(node: Mapping[str, Any] | None) -> Augmentation | None:
+    """What training scans lose. Raises ConfigError for an unknown key or a wrong value."""
+    return None if node is None else typed(Augmentation, node, "augmentation", whole=False)
+
+
 def datamodule(cfg: Config, datasets: list[PlaceDataset], raster: Raster) -> PlaceDataModule:
     """Batches and validation sets of the training datasets."""
     return PlaceDataModule(
@@ -154,6 +160,7 @@ def datamodule(cfg: Config, datasets: list[PlaceDataset], raster: Raster) -> Pla
         raster,
         scheme(cfg.sampling),
         raster_cache(cfg),
+        augmentation=augmentation(cfg.augmentation),
         seed=cfg.seed,
         workers=cfg.workers,
     )
@@ -187,6 +194,7 @@ def check_training(cfg: Config) -> None:
     """Raise ConfigError for a value of the training, for a command that does not train."""
     if cfg.sampling is not None:
         scheme(cfg.sampling)
+    augmentation(cfg.augmentation)
     if cfg.loss is not None:
         make(cfg.loss, "loss")
     check_optimizer(cfg)

@@ -23,6 +23,9 @@ class EvaluationSettings:
     regions: list[str] = field(default_factory=lambda: ["test"])
     #: Metres; the first is the headline.
     radii: list[float] = field(default_factory=lambda: [10.0, 5.0, 15.0, 20.0, 25.0])
+    #: Metres beyond which a best place is wrong; from the radius to there it counts neither as
+    #: right nor as wrong. null: wrong where it is not right.
+    wrong_beyond: float | None = None
     #: 'answerable' queries, or 'all': a query without an answer then counts as missed.
     over: str = "answerable"
     figures: bool = True
@@ -41,6 +44,8 @@ class EvaluationSettings:
             one_of("evaluation.regions", region, EVALUATED)
         for radius in self.radii:
             positive("evaluation.radii", radius, "metres")
+        if self.wrong_beyond is not None:
+            at_least("evaluation.wrong_beyond", self.wrong_beyond, max(self.radii), "metres")
         one_of("evaluation.over", self.over, Over)
         for mode in self.rerank:
             one_of("evaluation.rerank", mode, Rerank)
@@ -87,6 +92,8 @@ class Config:
     methods: dict[str, Any] = field(default_factory=dict)
     #: The training scheme, see `deepring.training.scheme`, and how its batches are sampled.
     sampling: dict[str, Any] | None = None
+    #: What training scans lose, see `deepring.training.augmentation`; nothing with null.
+    augmentation: dict[str, Any] | None = None
     evaluation: EvaluationSettings = field(default_factory=EvaluationSettings)
     paths: PathsConfig = field(default_factory=PathsConfig)
     # Built by hydra's instantiate, which checks their arguments.

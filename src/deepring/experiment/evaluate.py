@@ -87,6 +87,7 @@ def _evaluate_alone(
             device=plan.device,
             progress=bar,
             export=folder / DESCRIPTORS if plan.evaluation.descriptors else None,
+            wrong_beyond=plan.evaluation.wrong_beyond,
         )
 
 
@@ -95,7 +96,8 @@ def _rerank(evaluation: EvaluationSettings, outcome: Outcome, task: RetrievalTas
     modes = cast("list[Rerank]", evaluation.rerank)
     settings = RerankSettings(candidates=evaluation.candidates)
     with progress_bar(f"{outcome.case.method}: aligning candidates") as bar:
-        return evaluate_reranked(outcome, task, modes, settings, bar)
+        beyond = evaluation.wrong_beyond
+        return evaluate_reranked(outcome, task, modes, settings, bar, beyond)
 
 
 def _show(plan: Plan, folder: Path, outcomes: list[tuple[RetrievalSet, list[Outcome]]]) -> None:

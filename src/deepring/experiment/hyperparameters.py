@@ -32,7 +32,7 @@ def hyperparameters(record: Mapping[str, Any]) -> dict[str, Value]:
         **_of_deepring(method),
         **_of_episodes(record["sampling"] or {}),
     }
-    groups = ("method", "loss", "sampling", "optimizer")
+    groups = ("method", "loss", "sampling", "augmentation", "optimizer")
     rest = flatten({name: record[name] for name in groups})
     return short | {
         f"more.{key}": value if isinstance(value, Value) else str(value)

@@ -25,6 +25,7 @@ from deepring.methods.network import NetworkMethod
 from deepring.methods.ring import Ring
 from deepring.rasters import BevRaster
 from deepring.reports.curves import precision_recall_figure, recall_radius_figure
+from deepring.reports.results_table import within_text
 from deepring.reports.sinograms import sinogram_figure
 from deepring.reports.trajectory_figure import trajectory_figure
 
@@ -42,11 +43,14 @@ def evaluation_figures(
 
     All methods were evaluated on ``scans``.
     """
-    radius = outcomes[0].results[0].radius_m
+    head = outcomes[0].results[0]
+    radius, beyond = head.radius_m, head.wrong_beyond_m
     rows = [row for outcome in outcomes for row in outcome.results]
-    curves = {o.case.method: precision_recall(o.matches, radius)[:2] for o in outcomes}
+    curves = {o.case.method: precision_recall(o.matches, radius, beyond)[:2] for o in outcomes}
     figures = {
-        "pr_curves": precision_recall_figure(curves, radius),
+        "pr_curves": precision_recall_figure(
+            curves, radius, within_text(radius, beyond).capitalize()
+        ),
         "recall_by_radius": recall_radius_figure(rows, over),
     }
     for outcome in outcomes:

@@ -9,11 +9,12 @@ from pathlib import Path
 from omegaconf import OmegaConf
 
 from deepring.errors import ConfigError, FileError
-from deepring.evaluation.results import Result, read_results
+from deepring.evaluation.results import RECALLS, Result, read_results
 from deepring.experiment.config import Config, check_config
 from deepring.experiment.failures import failure_parts
 from deepring.experiment.run_folder import read_config
 from deepring.reports import html
+from deepring.reports.results_table import interval_text, within_text
 
 #: Captions of the figures, in their order on the page, by the beginning of their files' names.
 FIGURES = {
@@ -23,7 +24,10 @@ FIGURES = {
     "sinogram": "A scan, its sinogram, the sinogram of a turned twin, and their correlation",
 }
 
-_HEAD = ("method", "test", "region", "R@1", "R@5", "max F1", "AUC", "ms/scan", "ms/query")
+_HEAD = (
+    *("method", "test", "region", "R@1", "R@5", "R@1%"),
+    *("max F1", "AUC", "AP", "ms/scan", "ms/query"),
+)
 
 
 def report(run: Path, failures: int = 6) -> str:
@@ -40,7 +44,7 @@ def report(run: Path, failures: int = 6) -> str:
     cfg = _config(run)
     radius = float(cfg.evaluation.radii[0])
     parts = [
-        html.heading(f"Results, right within {radius:g} m"),
+        html.heading(f"Results, {within_text(radius, cfg.evaluation.wrong_beyond or radius)}"),
         html.table(_HEAD, [_row(r) for r in results if r.radius_m == radius]),
         *_pictures(run / "figures"),
         html.heading("The worst failures"),
@@ -62,9 +66,13 @@ def _config(run: Path) -> Config:
 
 
 def _row(r: Result) -> tuple[str, ...]:
-    rates = (f"{value:.3f}" for value in (r.recall_1, r.recall_5, r.f1_max, r.auc))
+    recalls = (
+        f"{getattr(r, name):.3f} {interval_text(getattr(r, name), r.answerable)}"
+        for name in RECALLS
+    )
+    rates = (f"{value:.3f}" for value in (r.f1_max, r.auc, r.ap))
     times = (f"{1e3 * seconds:.3g}" for seconds in (r.seconds_per_scan, r.seconds_per_query))
-    return (r.case.method, r.case.test, r.case.region, *rates, *times)
+    return (r.case.method, r.case.test, r.case.region, *recalls, *rates, *times)
 
 
 def _pictures(folder: Path) -> Iterator[str]:

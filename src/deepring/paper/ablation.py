@@ -23,6 +23,7 @@ from deepring.paper.paper_values import (
     paper_recall_at_ways,
 )
 from deepring.paper.seed_groups import (
+    ABOUT_INTERVALS,
     Run,
     SeedGroup,
     about_lacking,
@@ -30,6 +31,7 @@ from deepring.paper.seed_groups import (
     sample_deviation,
     seeds_of,
     varied,
+    within,
 )
 from deepring.reports.table import NONE
 
@@ -111,9 +113,11 @@ def ablation_tables(
     elif others:
         tables.append(("ablation", "", _key_entries(others)))
     places = sorted({r.case.place for row in rows for r in row.results.values()})
-    where = f"{', '.join(places)}: right within {radius:g} m, recall over {over} queries"
+    where = f"{', '.join(places)}: {within(rows)}, recall over {over} queries"
     return [
-        AblationTable(name, f"{title}{where}", entries, [*_seeds(entries), *shared, *notes])
+        AblationTable(
+            name, f"{title}{where}", entries, [*_seeds(entries), ABOUT_INTERVALS, *shared, *notes]
+        )
         for name, title, entries in tables
     ]
 

@@ -8,7 +8,7 @@ from deepring.paper.paper_values import WAYS
 from deepring.paper.seed_groups import mean_text, same_seeds, sample_deviation, seeds_of, varied
 from deepring.reports.table import NONE, Cell, Table, best_bold, full_text, rate_text
 
-_METRICS = ("recall_1", "f1_max", "auc")
+_METRICS = ("recall_1", "f1_max", "auc", "ap")
 
 
 def shown_table(table: AblationTable) -> Table:
@@ -20,14 +20,15 @@ def number_table(table: AblationTable) -> Table:
     """Every key that varies and every number in full, one row an entry; "" where there is none.
 
     Beside the names and keys: n and the seeds; mean and sample standard deviation of Recall@1,
-    maximal F1 and AUC; the paper's Recall@1; Recall@1 of each seed.
+    maximal F1, AUC and AP; the paper's Recall@1; Recall@1 of each seed with its 95 % interval.
     """
     rows = [entry.row for entry in table.entries]
     keys = varied(rows)
     names = [name for name in table.entries[0].names if name not in keys]
     seeds = seeds_of(rows)
     spread = [f"{what}_{of}" for what in _METRICS for of in ("mean", "std")]
-    headers = [*names, *keys, "n", "seeds", *spread, "paper", *(f"seed_{seed}" for seed in seeds)]
+    by_seed = [f"seed_{seed}{end}" for seed in seeds for end in ("", "_low", "_high")]
+    headers = [*names, *keys, "n", "seeds", *spread, "paper", *by_seed]
     cells = []
     for entry in table.entries:
         texts = [entry.names[name] for name in names]
@@ -36,7 +37,8 @@ def number_table(table: AblationTable) -> Table:
         for metric in _METRICS:
             values = entry.row.values(metric).values()
             texts += [full_text(statistics.fmean(values)), full_text(sample_deviation(values))]
-        texts += [full_text(entry.paper), *(full_text(entry.recalls.get(seed)) for seed in seeds)]
+        texts.append(full_text(entry.paper))
+        texts += [full_text(number) for seed in seeds for number in entry.row.with_interval(seed)]
         cells.append([*map(Cell, texts)])
     return Table(table.title, headers, cells, len(names) + len(keys))
 
@@ -87,7 +89,7 @@ def _ways_table(table: AblationTable) -> Table:
 
 def _best_bold(entries: Sequence[Entry]) -> list[Cell]:
     """The best mean in bold; none where means are not over the same seeds, and so the same data."""
-    texts = [mean_text(entry.recalls.values()) for entry in entries]
+    texts = [f"{mean_text(e.recalls.values())} {e.row.interval_text()}" for e in entries]
     return best_bold(texts, max if same_seeds(entry.row for entry in entries) else None)
 
 

@@ -11,7 +11,7 @@ from deepring.evaluation.case import Case
 from deepring.evaluation.metrics import Over
 from deepring.paper.comparison_results import collect_cases, remarks_of, training_minutes
 from deepring.paper.paper_values import FAMILIES, Rates, family, paper_rates, place_of
-from deepring.paper.seed_groups import Run, SeedGroup
+from deepring.paper.seed_groups import Run, SeedGroup, within
 
 Name = Literal["table1", "table2", "further"]
 Block = Sequence[SeedGroup]
@@ -37,7 +37,7 @@ class MethodComparison:
     @property
     def conditions(self) -> str:
         """The words behind every title."""
-        return f"right within {self.radius:g} m, recall over {self.over} queries"
+        return f"{within(self.rows)}, recall over {self.over} queries"
 
 
 def is_comparison(runs: Iterable[Run]) -> bool:

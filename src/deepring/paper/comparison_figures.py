@@ -56,7 +56,8 @@ def curve_panels(
     for seed, matches in retrieved:
         case = matches.case
         if case in wanted and seed in wanted[case].results and seed not in curves[case]:
-            precision, recall, _ = precision_recall(matches, comparison.radius)
+            beyond = wanted[case].results[seed].wrong_beyond_m
+            precision, recall, _ = precision_recall(matches, comparison.radius, beyond)
             curves[case][seed] = precision, recall
     panels = {title: _panel(block, curves) for title, block in blocks.items()}
     lacking = [text for row in wanted.values() for text in _lacking(row, curves[row.case])]

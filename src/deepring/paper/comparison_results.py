@@ -23,7 +23,7 @@ from deepring.paper.seed_groups import (
 )
 
 #: What a trained method is made with, beside the data.
-_MADE = re.compile(r"(method|loss|sampling|optimizer|scheduler|trainer|callbacks)\..*")
+_MADE = re.compile(r"(method|loss|sampling|augmentation|optimizer|scheduler|trainer|callbacks)\..*")
 
 #: What of a dataset matters where it is trained on, and not where it is tested on.
 _OF_TRAINING = ("spacing.train", *(f"regions.{k}" for k in ("validation_share", "margin")))
@@ -104,7 +104,8 @@ def _protocol(run: Run) -> dict[str, Any]:
     """Settings that belong to no dataset: how checkpoints are chosen, and the preprocessing."""
     evaluation = run.config.get("evaluation") or {}
     radii = evaluation.get("radii") or [None]
-    first = {HEADLINE: radii[0], "evaluation.over": evaluation.get("over")}
+    first = {HEADLINE: radii[0]}
+    first |= {f"evaluation.{name}": evaluation.get(name) for name in ("over", "wrong_beyond")}
     return flatten(first) | flatten(run.config.get("preprocessing"), "preprocessing")
 
 

@@ -6,10 +6,12 @@ from dataclasses import replace
 from itertools import groupby
 
 from deepring.evaluation.case import Case
+from deepring.evaluation.results import RECALLS
 from deepring.paper.comparison import Block, MethodComparison, Name, paper_of
 from deepring.paper.comparison_notes import about_groups, block_notes, remark_notes
 from deepring.paper.paper_values import Rates, place_of
 from deepring.paper.seed_groups import (
+    ABOUT_INTERVALS,
     SeedGroup,
     mean_text,
     same_seeds,
@@ -26,7 +28,7 @@ _TITLES: dict[Name, str] = {
 
 #: The headers of the metrics that the paper shows.
 _SHOWN = {"recall_1": "Recall@1", "f1_max": "F1", "auc": "AUC"}
-_METRICS = ("recall_1", "recall_5", "f1_max", "auc")
+_METRICS = (*RECALLS, "f1_max", "auc", "ap")
 
 
 def shown_tables(comparison: MethodComparison) -> dict[str, Table]:
@@ -38,7 +40,7 @@ def shown_tables(comparison: MethodComparison) -> dict[str, Table]:
     every = [block for blocks in comparison.blocks.values() for block in blocks]
     remarks = remark_notes(every, comparison.remarks)
     for name, blocks in comparison.blocks.items():
-        notes = [*block_notes(name, blocks), *remarks, *comparison.notes]
+        notes = [*block_notes(name, blocks), ABOUT_INTERVALS, *remarks, *comparison.notes]
         remarks = []  # below the first table alone
         tables[name] = _methods_table(name, blocks, comparison.conditions, notes)
     if crossings := _crossings(comparison.rows):
@@ -50,13 +52,14 @@ def number_table(comparison: MethodComparison) -> Table:
     """Every number in full, a row for each that was tested; "" where there is none.
 
     Beside what was trained and tested where: the table that holds it; radius; n and the seeds;
-    mean and sample standard deviation of each metric; the paper's values; Recall@1 of each seed.
+    mean and sample standard deviation of each metric; the paper's values; Recall@1 of each seed
+    with its 95 % interval.
     """
     names = ["method", "train", "test", "region", "table"]
     spread = [f"{metric}_{of}" for metric in _METRICS for of in ("mean", "std")]
     paper = [f"paper_{metric}" for metric in Rates._fields]
     seeds = seeds_of(comparison.rows)
-    by_seed = [f"recall_1_seed_{seed}" for seed in seeds]
+    by_seed = [f"recall_1_seed_{seed}{end}" for seed in seeds for end in ("", "_low", "_high")]
     table_of = {
         row: name for name, blocks in comparison.blocks.items() for block in blocks for row in block
     }
@@ -71,7 +74,7 @@ def number_table(comparison: MethodComparison) -> Table:
             texts += [full_text(statistics.fmean(values)), full_text(sample_deviation(values))]
         rates = paper_of(name, row) if name else None
         texts += map(full_text, rates or [None] * len(paper))
-        texts += [full_text(row.values().get(seed)) for seed in seeds]
+        texts += [full_text(number) for seed in seeds for number in row.with_interval(seed)]
         cells.append([*map(Cell, texts)])
     headers = [*names, "radius_m", "over", "n", "seeds", *spread, *paper, *by_seed]
     return Table("Comparison", headers, cells, len(names))
@@ -105,6 +108,8 @@ def _values(name: Name, block: Block, with_paper: bool) -> Iterable[tuple[Cell, 
     columns = []
     for metric in _SHOWN:
         texts = [mean_text(row.values(metric).values()) for row in block]
+        if metric == "recall_1":
+            texts = [f"{t} {row.interval_text()}" for t, row in zip(texts, block, strict=True)]
         columns.append(best_bold(texts, max if same_seeds(block) else None))
         if with_paper:
             rates = [paper_of(name, row) for row in block]
@@ -112,8 +117,9 @@ def _values(name: Name, block: Block, with_paper: bool) -> Iterable[tuple[Cell, 
     return zip(*columns, strict=True)
 
 
-_Crossing = tuple[Case, dict[int, tuple[float, float]]]
-"""A case, and by seed its Recall@1 trained on what it is tested on, and trained elsewhere."""
+_Crossing = tuple[Case, dict[int, tuple[float, float]], tuple[SeedGroup, SeedGroup]]
+"""A case, by seed its Recall@1 trained on what it is tested on and trained elsewhere, and the rows
+of both."""
 
 
 def _crossings(rows: Sequence[SeedGroup]) -> list[_Crossing]:
@@ -126,7 +132,7 @@ def _crossings(rows: Sequence[SeedGroup]) -> list[_Crossing]:
             own, away = home.values(), row.values()
             both = {seed: (own[seed], away[seed]) for seed in own if seed in away}
             if both:
-                crossings.append((row.case, both))
+                crossings.append((row.case, both, (home, row)))
     return crossings
 
 
@@ -135,25 +141,34 @@ def _crossing_table(crossings: Sequence[_Crossing], comparison: MethodComparison
     cells: list[list[Cell]] = []
     groups = [list(group) for _, group in groupby(crossings, key=lambda each: each[0].test)]
     for group in groups:
-        best = max if len({frozenset(recalls) for _, recalls in group}) == 1 else None
-        of_rows = [list(recalls.values()) for _, recalls in group]
+        best = max if len({frozenset(recalls) for _, recalls, _ in group}) == 1 else None
+        of_rows = [list(recalls.values()) for _, recalls, _ in group]
         columns = [
-            best_bold([mean_text([home for home, _ in both]) for both in of_rows], best),
-            best_bold([mean_text([away for _, away in both]) for both in of_rows], best),
+            *(best_bold(_recall_texts(group, side), best) for side in (0, 1)),
             best_bold([mean_text([b - a for a, b in both], "+") for both in of_rows], best),
         ]
-        for number, ((case, _), *values) in enumerate(zip(group, *columns, strict=True)):
+        for number, ((case, _, _), *values) in enumerate(zip(group, *columns, strict=True)):
             own = ["" if number else case.test, case.method, case.train]
             cells.append([*map(Cell, own), *values])
-    means = about_groups((f"{case.method} on {case.test}", list(both)) for case, both in crossings)
+    means = about_groups(
+        (f"{case.method} on {case.test}", list(both)) for case, both, _ in crossings
+    )
     return Table(
         f"What crossing costs, Recall@1 on the same test region: {comparison.conditions}",
         [*names, "in-domain", "crossed", "difference"],
         cells,
         len(names),
         _starts(groups),
-        [*means, *comparison.notes],
+        [*means, ABOUT_INTERVALS, *comparison.notes],
     )
+
+
+def _recall_texts(group: Sequence[_Crossing], side: int) -> list[str]:
+    """The mean recall of each row with its interval, of the in-domain side 0 or the other one."""
+    return [
+        f"{mean_text([pair[side] for pair in both.values()])} {rows[side].interval_text(both)}"
+        for _, both, rows in group
+    ]
 
 
 def _costs_table(comparison: MethodComparison) -> Table:

@@ -14,14 +14,18 @@ from typing import Any
 from deepring.checks import one_of
 from deepring.errors import DataError
 from deepring.evaluation.case import Case
+from deepring.evaluation.intervals import wilson
 from deepring.evaluation.metrics import Over
-from deepring.evaluation.results import Result
+from deepring.evaluation.results import RECALLS, Result
 from deepring.paper.flat import INDIFFERENT, flatten, frozen
-from deepring.reports.results_table import recall
+from deepring.reports.results_table import counted, interval_text, recall, within_text
 from deepring.text import shown
 
 #: The first radius of a config, by which the checkpoint was chosen.
 HEADLINE = "evaluation.radii[0]"
+
+#: The note on what stands in parentheses behind a recall.
+ABOUT_INTERVALS = "in parentheses the 95 % interval (Wilson) for the queries of one seed"
 
 #: Keys that cannot change what is learnt, among them what a run is compared with.
 _IRRELEVANT = re.compile(
@@ -93,11 +97,26 @@ class SeedGroup:
     over: Over
 
     def values(self, metric: str = "recall_1") -> dict[int, float]:
-        """Seed to 'recall_1', 'recall_5' (both over the queries asked for), 'f1_max' or 'auc'."""
-        if metric.startswith("recall"):
-            k = int(metric.removeprefix("recall_"))
-            return {seed: recall(result, k, self.over) for seed, result in self.results.items()}
+        """Seed to a recall (over the queries asked for), 'f1_max', 'auc' or 'ap'."""
+        if metric in RECALLS:
+            return {seed: recall(r, metric, self.over) for seed, r in self.results.items()}
         return {seed: getattr(result, metric) for seed, result in self.results.items()}
+
+    def with_interval(self, seed: int) -> tuple[float | None, float | None, float | None]:
+        """Recall@1 of a seed and its 95 % interval; None where the row has no such seed."""
+        if seed not in self.results:
+            return None, None, None
+        share = self.values()[seed]
+        return share, *wilson(share, counted(self.results[seed], self.over))
+
+    def interval_text(self, seeds: Collection[int] | None = None) -> str:
+        """The 95 % interval of the mean Recall@1 of all or some seeds, by the queries of one seed.
+
+        Seeds may share their queries: more runs do not narrow it.
+        """
+        recalls = {seed: r for seed, r in self.values().items() if seeds is None or seed in seeds}
+        queries = [counted(self.results[seed], self.over) for seed in recalls]
+        return interval_text(statistics.fmean(recalls.values()), statistics.fmean(queries))
 
 
 Stated = tuple[Hashable, Run, Mapping[str, Any]]
@@ -204,6 +223,12 @@ def varied(rows: Iterable[SeedGroup]) -> list[str]:
     return [key for key in keys if len({frozen(setting.get(key)) for setting in settings}) > 1]
 
 
+def within(rows: Iterable[SeedGroup]) -> str:
+    """When a place is right, and when wrong, for rows of one protocol."""
+    result = next(result for row in rows for result in row.results.values())
+    return within_text(result.radius_m, result.wrong_beyond_m)
+
+
 def seeds_of(rows: Iterable[SeedGroup]) -> list[int]:
     """The seeds of any of the rows, in rising order."""
     return sorted({seed for row in rows for seed in row.results})
@@ -256,7 +281,7 @@ def _repeated(key: str, flat: Mapping[str, Any]) -> bool:
 
 def _rates(result: Result) -> tuple[float, ...]:
     """The values that two equal results share; times are not among them."""
-    return result.recall_1, result.recall_5, result.f1_max, result.auc
+    return result.recall_1, result.recall_5, result.f1_max, result.auc, result.wrong_beyond_m
 
 
 def _about_commits(runs: Iterable[Run]) -> list[str]:

@@ -119,5 +119,5 @@ def _lines(results: Sequence[Result], over: Over) -> dict[str, dict[float, float
     for result in results:
         method, train = result.case.method, result.case.train
         label = f"{method} ({train or 'untrained'})" if trainings[method] > 1 else method
-        lines.setdefault(label, {})[result.radius_m] = recall_of(result, 1, over)
+        lines.setdefault(label, {})[result.radius_m] = recall_of(result, "recall_1", over)
     return lines

@@ -16,6 +16,16 @@ from deepring.reports.style import without_formulas
 #: Thresholds that TensorBoard's PR page draws.
 THRESHOLDS = 127
 
+#: The metrics of a result, with their names on the pages.
+_METRICS = {
+    "recall_1": "recall@1",
+    "recall_5": "recall@5",
+    "recall_1_percent": "recall@1%",
+    "f1_max": "f1_max",
+    "auc": "auc",
+    "ap": "ap",
+}
+
 #: How often events are written to the disk. Ctrl-C while one is handed over to the writer's thread
 #: can hide all later ones from it until then, and closing waits for that thread.
 FLUSH_SECONDS = 2
@@ -36,25 +46,29 @@ def write_events(
         for outcome in outcomes:
             head, case = outcome.results[0], outcome.case
             place = f"{case.test}/{case.region}"
-            for metric in ("recall_1", "recall_5", "f1_max", "auc"):
-                tag = f"test/{place}/{metric.replace('recall_', 'recall@')}/{case.method}"
-                final_metrics[tag] = getattr(head, metric)
-            add_pr_curve(writer, f"test/{place}/{case.method}", outcome.matches, head.radius_m)
+            for metric, name in _METRICS.items():
+                final_metrics[f"test/{place}/{name}/{case.method}"] = getattr(head, metric)
+            tag = f"test/{place}/{case.method}"
+            add_pr_curve(writer, tag, outcome.matches, head.radius_m, head.wrong_beyond_m)
         for tag, figure in figures.items():
             writer.add_figure(tag, without_formulas(figure), close=False)
         writer.add_hparams(dict(hyperparameters), final_metrics, run_name=".")
 
 
-def add_pr_curve(writer: SummaryWriter, tag: str, matches: TopMatches, radius: float) -> None:
+def add_pr_curve(
+    writer: SummaryWriter, tag: str, matches: TopMatches, radius: float, wrong_beyond: float
+) -> None:
     """Add the protocol's precision and recall at evenly spaced thresholds.
 
+    A best place from ``radius`` to ``wrong_beyond`` metres is neither right nor wrong.
     TensorBoard's own counting would count every wrong place as a missed one.
     """
     score, right = matches.score[:, 0], matches.distance[:, 0] <= radius
+    wrong = matches.distance[:, 0] > wrong_beyond
     answerable = matches.nearest <= radius
     thresholds = np.linspace(score.min(), score.max(), THRESHOLDS)
     accepted = score[None] >= thresholds[:, None]
-    tp, fp = (accepted & right).sum(1), (accepted & ~right).sum(1)
+    tp, fp = (accepted & right).sum(1), (accepted & wrong).sum(1)
     fn, tn = (~accepted & answerable).sum(1), (~accepted & ~answerable).sum(1)
     writer.add_pr_curve_raw(
         tag,

@@ -11,6 +11,7 @@ from torch.utils.data import DataLoader
 from deepring.data.cache import RasterCache, load_rasters
 from deepring.data.dataset import PlaceDataset, distances_between
 from deepring.rasters import Raster
+from deepring.training.augmentation import Augmentation, AugmentedSet, cell_azimuths
 from deepring.training.batch_order import BatchOrder
 from deepring.training.scheme import TrainingScheme, TrainingSet
 from deepring.training.training_scans import TrainingScans
@@ -39,6 +40,8 @@ class PlaceDataModule(L.LightningDataModule):
         cache: cache of rasters.
         seed: random seed of the batches.
         workers: processes that sample batches; with 0, the training process does.
+        augmentation: what training scans lose; validation sets stay whole. Raises ConfigError for
+            a raster that is no occupancy.
     """
 
     def __init__(
@@ -49,10 +52,14 @@ class PlaceDataModule(L.LightningDataModule):
         cache: RasterCache,
         seed: int = 0,
         workers: int = 0,
+        augmentation: Augmentation | None = None,
     ) -> None:
         super().__init__()
         self.datasets, self.raster, self.scheme = datasets, raster, scheme
         self.cache, self.seed, self.workers = cache, seed, workers
+        self.augmentation = augmentation
+        if augmentation is not None:
+            cell_azimuths(raster)  # refuses another raster before anything is read
         self.validation: dict[str, RetrievalBatch] = {}
 
     def prepare_data(self) -> None:
@@ -74,7 +81,10 @@ class PlaceDataModule(L.LightningDataModule):
                 sessions.append(TrainingScans.from_session(readable, rasters, number, origin))
         everything = TrainingScans.concatenate(sessions)
         log.info("%d training scans", len(everything))
-        self.train_set: TrainingSet[Any] = self.scheme.training_set(everything, self.seed)
+        batches = self.scheme.training_set(everything, self.seed)
+        self.train_set: TrainingSet[Any] = batches
+        if self.augmentation is not None:
+            self.train_set = AugmentedSet(batches, self.augmentation, self.raster, self.seed)
         self.validation = {
             dataset.name: self._validation_batch(dataset)
             for dataset in self.datasets

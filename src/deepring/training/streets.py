@@ -160,7 +160,8 @@ class StreetSet(TrainingSet[StreetBatch]):
 
     def _queries(self, places: Scans, rng: np.random.Generator) -> Scans:
         """Random scans at the places, up to ``queries`` for each stretch."""
-        taken, queries = set(places.tolist()), []
+        taken = set(places.tolist())
+        queries: list[Scans] = []
         for stretch in places.reshape(self.scheme.stretches, -1):
             seen = [self.passing(int(place)) for place in stretch]
             pool = [k for k in np.unique(np.concatenate(seen)).tolist() if k not in taken]

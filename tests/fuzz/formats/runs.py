@@ -29,6 +29,7 @@ from fuzz.mutations.raw import raw
 from fuzz.mutations.text import text
 from fuzz.mutations.values import as_json, changed
 from fuzz.mutations.yaml_keys import yaml_keys
+from helpers.results import result_of
 
 
 def formats() -> Iterator[Format]:
@@ -82,9 +83,8 @@ def _run() -> Files:
     with tempfile.TemporaryDirectory() as folder:
         run = Path(folder) / RUN
         case = Case("RING", "", "sim", "test")
-        rates = (10.0, 50, 100, 50, 0.5, 0.9, 0.8, 0.7, 0.1, 0.1)
         run.mkdir(parents=True)
-        write_results(run / "results.csv", [Result(case, *rates), Result(case, 5.0, *rates[1:])])
+        write_results(run / "results.csv", [result_of(case, radius) for radius in (10.0, 5.0)])
         write_status(run, Status("finished", score=0.5, seconds=90.5))
         (run / "versions.json").write_text(json.dumps({"git_commit": "c0ffee", "seed": 3}))
         (run / "config.yaml").write_text(CONFIG)

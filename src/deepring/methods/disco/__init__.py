@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import torch
+import torch.nn.functional as F
 from jaxtyping import Float, Int64, Shaped
 from torch import Tensor
 
-from deepring.checks import count
+from deepring.checks import count, one_of
 from deepring.core.correlation import shift_to_turn
 from deepring.core.phase import central_magnitude, phase_correlation
 from deepring.core.similarity import negative_distance
@@ -21,12 +22,17 @@ from deepring.search.hits import Index
 from deepring.search.search_settings import SearchSettings
 from deepring.search.vector_index import VectorIndex
 
+Signature = Literal["raw", "unit"]
+"""The spectrum as it is, or that of the map without its mean, at unit norm."""
+
 
 @dataclass(frozen=True)
 class DiscoSettings(PlainSettings):
     """Everything that makes a descriptor but the weights. Plain values, kept in checkpoints.
 
-    ``size`` is the side of the square cut out of the spectrum. ``aligned`` is the number of the
+    ``size`` is the side of the square cut out of the spectrum. ``signature`` 'raw' is the published
+    one; 'unit' leaves out the map's mean and has norm 1, so that margins and temperatures mean the
+    same whatever the network's scale. ``aligned`` is the number of the
     most alike entries whose turn is sought for each query; None seeks all.
     """
 
@@ -36,6 +42,7 @@ class DiscoSettings(PlainSettings):
     widths: Sequence[int] = (64, 128, 256, 512)
     padding: PolarPadding = "zero"
     size: int = 32
+    signature: Signature = "raw"
     aligned: int | None = 1
 
 
@@ -60,6 +67,7 @@ class Disco(NetworkMethod):
                 f"disco.size: {settings.size}, expected 1 to {min(sectors, rings)}, the smaller "
                 f"side of the raster's {sectors} x {rings}"
             )
+        one_of("disco.signature", settings.signature, Signature)
         if settings.aligned is not None:
             count("disco.aligned", settings.aligned)
         self.encoder = DiscoUNet(heights, settings.widths, settings.padding)
@@ -80,7 +88,10 @@ class Disco(NetworkMethod):
         self, descriptors: Float[Tensor, "*batch theta r"]
     ) -> Float[Tensor, "*batch value"]:
         """The rotation invariant part of the descriptors, (b, size²): what L2 compares."""
-        return central_magnitude(descriptors, self.settings.size)
+        if self.settings.signature == "raw":
+            return central_magnitude(descriptors, self.settings.size)
+        centred = descriptors.float() - descriptors.float().mean(dim=(-2, -1), keepdim=True)
+        return F.normalize(central_magnitude(centred, self.settings.size), dim=-1)
 
     def vectors(self, descriptors: Float[Tensor, "batch theta r"]) -> Float[Tensor, "batch value"]:
         """The signatures."""

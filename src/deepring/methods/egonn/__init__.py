@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
@@ -27,13 +28,15 @@ class EgoNnSettings(PlainSettings):
     widths: Sequence[int] = WIDTHS
     global_levels: Sequence[int] = (5, 6, 7)
     close_theta: bool = False
+    normalised: bool = False
 
 
 class EgoNnGlobal(NetworkMethod):
     """Cylindrical voxels (b, max_voxels, 3), padded -> sparse network -> descriptors (b, 256).
 
     The sparse convolutions are deepring's own, in plain torch; the original's are
-    MinkowskiEngine's. The descriptor is not normalised, as in the original.
+    MinkowskiEngine's. The descriptor is not normalised, as in the original; ``normalised`` gives
+    it unit norm, so that margins and temperatures mean the same whatever the network's scale.
     """
 
     settings_class = EgoNnSettings
@@ -56,7 +59,8 @@ class EgoNnGlobal(NetworkMethod):
 
         Raises DeepringError where a scan has no voxel.
         """
-        return self.network(rasters)
+        descriptors = self.network(rasters)
+        return F.normalize(descriptors, dim=-1) if self.settings.normalised else descriptors
 
     def compare(
         self, queries: Float[Tensor, "q value"], database: Float[Tensor, "d value"]
