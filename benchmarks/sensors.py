@@ -94,7 +94,7 @@ def table(name: str, method: Method, sides: dict, cache: RasterCache, folder: Pa
         for asked, share in zip(sides, shares, strict=True):
             low, high = share.interval
             value = share.good / share.of if share.of else float("nan")
-            lines.append(f"{mapped},{asked},{value:.4f},{low:.4f},{high:.4f},{share.of}")
+            lines.append(f"{mapped},{asked},{value!r},{low!r},{high!r},{share.of}")
         with replacing(folder / f"{name.lower()}.csv") as path:
             path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
