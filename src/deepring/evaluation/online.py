@@ -71,7 +71,7 @@ def look_up_among(
 
 def _one_by_one(batches: Iterable[Tensor]) -> Iterator[Tensor]:
     for batch in batches:
-        yield from finite("database", batch).split(1)
+        yield from torch.split(finite("database", batch), 1)
 
 
 def _runs(searched: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
