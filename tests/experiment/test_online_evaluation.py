@@ -12,7 +12,7 @@ from deepring.experiment.run_folder import open_run_folder
 from helpers.cli import deepring, refused
 
 METHODS = (
-    *("checkpoint=null", "~method@methods.scan_context", "~method@methods.scan_context_120"),
+    *("checkpoint=null", "~method@methods.scan_context"),
     *("data.earlier.seconds=null", "data.earlier.metres=30", "evaluation.figures=false"),
 )
 
