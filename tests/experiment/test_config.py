@@ -328,7 +328,7 @@ def test_every_command_of_the_docs_composes(page, command, composed):
 def test_the_augmentation_is_none_unless_chosen(composed):
     assert build.augmentation(composed(ROOT, "method=deepring_small").augmentation) is None
     chosen = build.augmentation(composed(ROOT, "augmentation=partial").augmentation)
-    assert (chosen.blind, chosen.blind_width, chosen.dropped) == (0.3, (20.0, 130.0), 0.3)
+    assert (chosen.blind, chosen.blind_width, chosen.dropped) == (0.7, (20.0, 130.0), 0.3)
     with pytest.raises(DeepringError, match=r"augmentation\.blind: 2"):
         build.augmentation(
             composed(ROOT, "augmentation=partial", "augmentation.blind=2").augmentation
