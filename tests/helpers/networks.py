@@ -25,7 +25,7 @@ GROUPS = {
 def deepring_settings(raster: dict[str, Any] | None = None, **values: Any) -> DeepRingSettings:
     """DeepRING's, without saying in which group a value stands; ``aggregation`` and
     ``similarity`` are their groups' kinds."""
-    groups = {}
+    groups: dict[str, Any] = {"polar": values.pop("polar", None)}
     for group, (kind, names) in GROUPS.items():
         given = {name: values.pop(name) for name in names if name in values}
         groups[group] = kind(**{"kind" if n == group else n: v for n, v in given.items()})

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from deepring.errors import DeepringError
-from deepring.methods.deepring import DeepRing
+from deepring.methods.deepring import DeepRing, PolarSettings
 from deepring.methods.deepring.real_form import RealDeepRing
 from deepring.methods.network_file import make_network
 from deepring.methods.onnx_file import export_onnx
@@ -18,6 +18,7 @@ from deepring.rasters import BevRaster, PointsRaster, PolarRaster, raster_settin
 from helpers.networks import deepring_settings
 
 PAIRS = {"aggregation": "cross_spectra", "gaps": [18, 36], "frequencies": 7}
+POLAR = {"polar": PolarSettings(widths=(4, 6), rings=16)}
 
 
 def network(cells=40, **settings):
@@ -39,7 +40,17 @@ def images(n, cells=40, seed=0):
 
 
 @pytest.mark.parametrize(
-    "settings", [{}, {"pool": 2}, {"bins": 60, "angles": 20}, {"norm": "group"}, {"stem": 2}, PAIRS]
+    "settings",
+    [
+        {},
+        {"pool": 2},
+        {"bins": 60, "angles": 20},
+        {"norm": "group"},
+        {"stem": 2},
+        PAIRS,
+        POLAR,
+        {**POLAR, "stem": 2},
+    ],
 )
 def test_real_arithmetic_is_the_network(settings):
     made = network(**settings)
@@ -48,7 +59,7 @@ def test_real_arithmetic_is_the_network(settings):
         assert torch.allclose(RealDeepRing(made)(seen.float()), made.describe(seen), atol=1e-5)
 
 
-@pytest.fixture(scope="module", params=[{}, PAIRS])
+@pytest.fixture(scope="module", params=[{}, {**PAIRS, **POLAR}])
 def exported(tmp_path_factory, request):
     made = network(pool=2, **request.param)
     path = tmp_path_factory.mktemp("onnx") / "network.onnx"

@@ -119,6 +119,7 @@ def _generated(folder: Path) -> Mapping[str, Mapping[str, Make]]:
             name: partial(_aggregation, name, values) for name, values in _AGGREGATIONS.items()
         },
         "method/similarity": {name: partial(_similarity, name) for name in _SIMILARITIES},
+        "method/polar": {"bev": _polar},
         "train": {name: partial(_dataset, "train_data", name) for name in datasets},
         "test": {name: partial(_dataset, "test_data", name) for name in datasets},
     }
@@ -188,3 +189,9 @@ def _similarity(kind: str) -> dict[str, Any]:
     from deepring.methods.deepring import SimilaritySettings
 
     return SimilaritySettings(kind).to_dict()
+
+
+def _polar() -> dict[str, Any]:
+    from deepring.methods.deepring import PolarSettings
+
+    return PolarSettings().to_dict()

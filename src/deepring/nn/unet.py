@@ -22,6 +22,10 @@ NORMALISATIONS: dict[str, Callable[[int], nn.Module]] = {
 """Layers after a convolution, by name, made for a number of channels."""
 
 
+#: Values of one level, for one scan.
+_MOST_VALUES = 2**25
+
+
 class ConvBlock(nn.Sequential):
     """``convolutions`` times circular 3x3 convolution, normalisation, ReLU."""
 
@@ -128,6 +132,7 @@ class CircularUNet(UNet):
         theta_range: 'full' or 'half'; over half a turn kernels are symmetric in τ, and an even
             number of τ bins at each level keeps the flip exact.
         stem: space-to-depth factor at the start; 1 disables it. Requires 'full'.
+        name: config key of these settings, for messages.
     """
 
     def __init__(
@@ -140,24 +145,42 @@ class CircularUNet(UNet):
         tau_padding: TauPadding = "circular",
         theta_range: ThetaRange = "full",
         stem: int = 1,
+        name: str = "encoder",
     ) -> None:
-        checks.widths("encoder.widths", widths)
-        checks.count("encoder.convolutions", convolutions, most=64)
-        checks.one_of("encoder.norm", norm, NORMALISATIONS)
-        if checks.count("encoder.stem", stem, most=64) > 1 and theta_range == "half":
+        checks.widths(f"{name}.widths", widths)
+        checks.count(f"{name}.convolutions", convolutions, most=64)
+        checks.one_of(f"{name}.norm", norm, NORMALISATIONS)
+        if checks.count(f"{name}.stem", stem, most=64) > 1 and theta_range == "half":
             raise ConfigError(
-                f"encoder.stem: {stem}, expected 1 for theta_range 'half', whose flip of "
+                f"{name}.stem: {stem}, expected 1 for theta_range 'half', whose flip of "
                 "τ would have to exchange channels"
             )
         super().__init__(
-            "encoder.widths",
+            f"{name}.widths",
             widths,
             in_channels * stem**2,
             out_channels,
             lambda a, b: ConvBlock(a, b, convolutions, norm, tau_padding, theta_range),
             partial(circular_upsample, tau=tau_padding, theta_range=theta_range),
         )
-        self.stem = stem
+        self.widths, self.stem = tuple(widths), stem
+
+    def check_size(self, rows: int, columns: int) -> None:
+        """Raise ConfigError unless it can halve ``rows`` x ``columns``, which are bearably many."""
+        step = self.stem * self.stride
+        if rows % step or columns % step:
+            stem = f" and a stem of {self.stem}" if self.stem > 1 else ""
+            raise ConfigError(
+                f"{self.name}: {len(self.widths)} levels{stem} divide rows and columns by {step}, "
+                f"expected a divisor of {rows} x {columns}; choose fewer levels or other numbers "
+                "of rows"
+            )
+        widest = max(width / 4**level for level, width in enumerate(self.widths))
+        if rows * columns * widest / self.stem**2 > _MOST_VALUES:
+            raise ConfigError(
+                f"{self.name}: {list(self.widths)} over {rows} x {columns}, expected at most "
+                f"{_MOST_VALUES} values in a level; choose fewer channels, a stem or a pool"
+            )
 
     def forward(
         self, x: Float[Tensor, "batch channel theta tau"]

@@ -32,6 +32,7 @@ from deepring.core.correlation import (
 from deepring.core.radon import ThetaRange
 from deepring.core.similarity import cosine, negative_distance
 from deepring.errors import ConfigError
+from deepring.methods.deepring.polar_branch import PolarBranch, PolarSettings
 from deepring.methods.method import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.nn.aggregation import AGGREGATIONS, ROTATION_INVARIANT, make_aggregation
@@ -56,9 +57,6 @@ Both are taken over the weighted half spectrum. For the norm that is the full on
 
 SIMILARITIES = ("correlation", "l2", "cosine")
 """Similarities of two descriptors: correlation at the best rotation, or a distance without one."""
-
-#: Values of one level of the encoder, for one scan.
-_MOST_VALUES = 2**25
 
 _PERIOD = {"full": 2 * math.pi, "half": math.pi}
 
@@ -112,6 +110,7 @@ class DeepRingSettings(PlainSettings):
     encoder: EncoderSettings = EncoderSettings()
     aggregation: AggregationSettings = AggregationSettings()
     similarity: SimilaritySettings = SimilaritySettings()
+    polar: PolarSettings | None = None  # a second look, beside the paper's network
 
 
 class DeepRing(NetworkMethod):
@@ -119,12 +118,14 @@ class DeepRing(NetworkMethod):
 
     Shapes: rasters (b, n, n) -> representation (b, 1, θ, τ) -> feature E_f (b, c, θ, τ)
     -> aggregated, M_f (b, θ, ω) -> normalised. An encoder with a stem divides θ and τ by it.
+    Not of the paper: with ``settings.polar`` a second network stands beside it, see
+    `deepring.methods.deepring.polar_branch`.
     """
 
     settings_class = DeepRingSettings
     settings: DeepRingSettings
     descriptor_shape: tuple[int, int]
-    """(θ, ω) of one descriptor; beside ω stand the phases of 'cross_spectra'."""
+    """(θ, ω) of one descriptor; beside ω stand the phases of 'cross_spectra', and r of `polar`."""
 
     def __init__(self, settings: DeepRingSettings | None = None) -> None:
         settings = DeepRingSettings() if settings is None else settings
@@ -166,33 +167,48 @@ class DeepRing(NetworkMethod):
             theta_range=representation.theta_range,
             stem=encoder.stem,
         )
-        self._check_size(encoder)
+        self.encoder.check_size(self.representation.rows, self.representation.columns)
         self.normalise = NORMALISATIONS[normalisation]
+        self.polar = self._polar_branch(rows)
+        if self.polar is not None:
+            self.descriptor_shape = (rows, made.values + self.polar.image.rings)
 
-    def _check_size(self, encoder: EncoderSettings) -> None:
-        """Raise ConfigError unless the encoder can halve its input, which is of a bearable size."""
-        rows, columns = self.representation.rows, self.representation.columns
-        step = encoder.stem * self.encoder.stride
-        if rows % step or columns % step:
-            raise ConfigError(
-                f"encoder.widths: {len(encoder.widths)} levels and a stem of {encoder.stem} divide "
-                f"rows and columns by {step}, expected a divisor of {rows} x {columns}; choose "
-                "fewer levels or other numbers of rows"
-            )
-        widest = max(width / 4**level for level, width in enumerate(encoder.widths))
-        if rows * columns * widest / encoder.stem**2 > _MOST_VALUES:
-            raise ConfigError(
-                f"encoder.widths: {list(encoder.widths)} over {rows} x {columns}, expected at most "
-                f"{_MOST_VALUES} values in a level; choose fewer channels, a stem or a pool"
-            )
+    def _polar_branch(self, rows: int) -> PolarBranch | None:
+        """The second look, if there is one. Raises ConfigError where it could not be correlated."""
+        settings = self.settings
+        if settings.polar is None:
+            return None
+        needed = {
+            "similarity.kind": (settings.similarity.kind, ("correlation",), "curves to add"),
+            "similarity.normalisation": (
+                settings.similarity.normalisation,
+                ("unit", "standard"),
+                "parts of the same norm",
+            ),
+            "representation.theta_range": (
+                settings.representation.theta_range,
+                ("full",),
+                "rows over a full turn, as those of a polar image",
+            ),
+        }
+        for key, (value, possible, why) in needed.items():
+            if value not in possible:
+                raise ConfigError(
+                    f"{key}: {value!r} with a polar branch, which needs {why}; expected "
+                    f"{' or '.join(possible)}, or polar: null"
+                )
+        return PolarBranch(settings.polar, self.raster, rows)
 
     def forward(
         self, rasters: Shaped[Tensor, " batch *raster"]
     ) -> Float[Tensor, "batch theta value"]:
-        """Descriptors M_f (b, θ, ω) of rasters (b, *raster.shape)."""
+        """Descriptors M_f (b, θ, ω) of rasters (b, *raster.shape); (b, θ, ω + r) with `polar`."""
         image = self.representation(rasters)
         feature = self.encoder(image)
-        return self.normalise(self.aggregate(feature))
+        descriptor = self.normalise(self.aggregate(feature))
+        if self.polar is None:
+            return descriptor
+        return self.polar.joined(descriptor, self.normalise(self.polar(rasters)))
 
     def compare(
         self, queries: Float[Tensor, "q theta value"], database: Float[Tensor, "d theta value"]

@@ -1,7 +1,7 @@
 """DeepRING in real arithmetic, for ONNX: operators that every runtime has.
 
 The Radon transform is one addition of shares to fixed places, and the DFT, whose complex form
-ONNX runtimes support little, a product with cosines and sines.
+ONNX runtimes support little, a product with cosines and sines. A polar branch is one GridSample.
 """
 
 import math
@@ -20,7 +20,7 @@ from deepring.rasters.bev import disc_mask
 
 
 class RealDeepRing(nn.Module):
-    """`DeepRing.forward` in real arithmetic: images (b, n, n) float32 -> (b, θ, ω).
+    """`DeepRing.forward` in real arithmetic: images (b, n, n) float32 -> (b, θ, values).
 
     Raises ConfigError for other settings than a full turn, DFT or cross spectra, and unit norm.
     """
@@ -60,15 +60,19 @@ class RealDeepRing(nn.Module):
         scale = _weights(columns)[:count] / math.sqrt(columns)
         self.register_buffer("cosines", (angle.double().cos() * scale).float())
         self.register_buffer("sines", (-angle.double().sin() * scale).float())
+        self.polar = network.polar
 
-    def forward(self, images: Float[Tensor, "batch n n"]) -> Float[Tensor, "batch theta omega"]:
+    def forward(self, images: Float[Tensor, "batch n n"]) -> Float[Tensor, "batch theta value"]:
         """Descriptors of unit norm."""
         feature = self.encoder(self._sinogram(images))[:, 0]
         real, imaginary = feature @ self.cosines, feature @ self.sines
         parts = [_unit_norm((real.square() + imaginary.square()).sqrt())]
         for gap in self.gaps:
             parts.append(_unit_norm(_cross_spectrum(real[..., 1:], imaginary[..., 1:], gap)))
-        return _unit_norm(torch.cat(parts, dim=-1)) if self.gaps else parts[0]
+        descriptor = _unit_norm(torch.cat(parts, dim=-1)) if self.gaps else parts[0]
+        if self.polar is None:
+            return descriptor
+        return self.polar.joined(descriptor, _unit_norm(self.polar(images)))
 
     def _sinogram(self, images: Float[Tensor, "batch n n"]) -> Float[Tensor, "batch 1 theta tau"]:
         """(b, 1, θ, τ), as `deepring.core.radon.radon`, pooled."""
