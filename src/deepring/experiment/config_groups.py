@@ -192,6 +192,6 @@ def _similarity(kind: str) -> dict[str, Any]:
 
 
 def _polar() -> dict[str, Any]:
-    from deepring.methods.deepring import PolarSettings
+    from deepring.methods.deepring.polar_branch import PolarSettings
 
     return PolarSettings().to_dict()
