@@ -276,6 +276,20 @@ def test_hparams_shows_first_what_sweeps_vary(composed):
     assert all(isinstance(value, bool | str | float | int) for value in values.values())
 
 
+def test_a_polar_branch_is_chosen_changed_and_shown(composed):
+    plain = composed("method=deepring_small")
+    assert build.method(plain.method).settings.polar is None
+    assert "polar" not in hyperparameters(record_of(plain))
+    cfg = composed("method=deepring_small", "method/polar=bev", "method.polar.share=0.4")
+    method = build.method(cfg.method)
+    assert method.polar.share.item() == pytest.approx(0.4)
+    assert method.descriptor_shape == (60, 31 + 60)
+    assert hyperparameters(record_of(cfg))["polar"] == "8-16-32 x1, share 0.4"
+    for wrong in ("method.polar.share=1", "method.polar.widths=[0]", "method.polar.radius=90"):
+        with pytest.raises(DeepringError, match=wrong[7:].partition("=")[0].replace(".", r"\.")):
+            build.method(composed("method=deepring_small", "method/polar=bev", wrong).method)
+
+
 def test_methods_are_built_with_their_rasters(composed):
     methods = build.fixed_methods(composed(ROOT))
     assert list(methods) == ["RING", "Scan Context 20x60", "Scan Context 120x120"]

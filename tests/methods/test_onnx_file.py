@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from deepring.errors import DeepringError
-from deepring.methods.deepring import DeepRing, PolarSettings
+from deepring.methods.deepring import DeepRing
+from deepring.methods.deepring.polar_branch import PolarSettings
 from deepring.methods.deepring.real_form import RealDeepRing
 from deepring.methods.network_file import make_network
 from deepring.methods.onnx_file import export_onnx

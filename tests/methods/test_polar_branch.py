@@ -9,7 +9,8 @@ import torch
 from deepring.core.correlation import correlation_curves, unit_norm
 from deepring.core.equivariance import relative_error
 from deepring.errors import DeepringError
-from deepring.methods.deepring import DeepRing, DeepRingSettings, PolarSettings
+from deepring.methods.deepring import DeepRing, DeepRingSettings
+from deepring.methods.deepring.polar_branch import PolarSettings
 from deepring.methods.deepring.real_form import RealDeepRing
 from deepring.methods.network_file import (
     describe_network,

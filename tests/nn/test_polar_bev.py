@@ -114,10 +114,10 @@ def test_rows_and_rings_are_those_of_a_polar_gram():
 
 def test_few_samples_miss_what_lies_between_them_far_out():
     cells = torch.eye(120 * 120).view(-1, 120, 120)[disc_mask(120).ravel().nonzero()[0][::7]]
-    for samples, most in ((2, 0.2), (4, 0.0)):
+    for samples, least, most in ((2, 0.01, 0.1), (4, 0.0, 0.0)):
         missed = (PolarBev(60, 60, samples=samples)(cells).sum((1, 2, 3)) == 0).float().mean()
         print(f"{samples} samples along each side: {missed:.3f} of the cells weigh nothing")
-        assert missed <= most
+        assert least <= missed <= most
 
 
 @pytest.mark.parametrize("step", [1, 2, 7])

@@ -52,7 +52,16 @@ def _of_deepring(method: Mapping[str, Any]) -> dict[str, Value]:
         "encoder": f"{widths} x{encoder['convolutions']}{stem}",
         "input": INPUTS.get(raster["kind"], raster["kind"]),
         "similarity": method["similarity"]["kind"],
+        **_of_polar(method.get("polar")),
     }
+
+
+def _of_polar(polar: Mapping[str, Any] | None) -> dict[str, Value]:
+    """The second look beside the sinogram, where there is one."""
+    if polar is None:
+        return {}
+    widths = "-".join(str(width) for width in polar["widths"])
+    return {"polar": f"{widths} x{polar['convolutions']}, share {polar['share']:g}"}
 
 
 def _of_episodes(episode: Mapping[str, Any]) -> dict[str, Value]:
