@@ -66,10 +66,14 @@ compare: install
 	$(BIN)/deepring compare --seeds $(subst $(space),$(comma),$(strip $(SEEDS))) \
 	  hydra/launcher=joblib
 
-# Worlds 100 to 105 train the network, 110 and 111 tell when to trust it. In the odd ones buildings are
-# of more kinds, the campus has a blind sector and the city none.
+# The worlds of conf/worlds/weights.txt train the network; worlds 110 and 111 tell when to trust it. In
+# the odd one buildings are of more kinds, the campus has a blind sector and the city none.
 weights: install
-	for seed in 100 101 102 103 104 105 110 111; do \
+	while read -r seed knobs; do \
+	  $(BIN)/deepring simulate custom --seed $$seed -o outputs/datasets/weights_$$seed \
+	    train_columns=3 test_columns=2 scan_spacing=4 azimuths=450 $$knobs < /dev/null || exit; \
+	done < conf/worlds/weights.txt
+	for seed in 110 111; do \
 	  odd=; city=; case $$seed in *[13579]) \
 	    odd="building_prototypes=8 blind_width_deg=90"; city="building_prototypes=8 blind_width_deg=0";; \
 	  esac; \

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from nowhere_scans import ground_under, sector, settings_of
+from nowhere_scans import sector, settings_of
 
 from deepring.core.rigid import turn_points, wrap_angle, yaw_of
 from deepring.data.readers.kitti import open_kitti
@@ -46,7 +46,7 @@ def drive(scene: Scene, session: int, every: float, length: int) -> Iterator:
         for k in range(last - length + 1, last + 1):
             sweep = scene.sweep(session, k)
             scans.append(sweep.points[sweep.valid].astype(np.float32))
-        yield scans, poses[last] @ scene.sensor.mount
+        yield scans, poses[last] @ scene.sensors[session].mount
 
 
 def right(location: Location, pose: np.ndarray) -> bool:
@@ -62,7 +62,7 @@ def simulated(seed: int, worlds: int, network) -> None:
         usual = settings_of(layout, seed + k // 2)
         # A sensor that looks ahead has no blind sector there.
         scene = Scene(replace(usual, scan_spacing=1.0, blind_width_deg=0.0))
-        place_map = Map(network, ground_under(scene.sensor))
+        place_map = Map(network, -scene.sensors[0].height)
         for (points,), pose in drive(scene, 0, 10.0, 1):
             place_map.add([points], pose[None], ["place"])
         for scans, pose in drive(scene, 1, 160.0, max(COUNTS)):

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.spacing import sample_by_distance
 from deepring.simulation.ground import Ground, rolling_ground
+from deepring.simulation.mounting import sensor_of
 from deepring.simulation.scene import Scene
-from deepring.simulation.sensors import Sensor, scan, sensor_of
+from deepring.simulation.sensors import scan
 from deepring.simulation.settings import SimulationSettings, preset
 from deepring.simulation.shapes import PrismList, Prisms
 from deepring.simulation.world import moving_objects
@@ -22,11 +23,6 @@ Cloud = NDArray[np.float32]
 Scan = tuple[Cloud, float]
 
 FLAT = Ground(*np.zeros((4, 0)))
-
-
-def ground_under(sensor: Sensor) -> float:
-    """z of the ground in the sensor's frame, metres."""
-    return -(sensor.body_height + float(sensor.mount[2, 3]))
 
 
 def settings_of(layout: str, seed: int) -> SimulationSettings:
@@ -43,14 +39,14 @@ def world(
 ) -> Iterator[tuple[Scan, NDArray[np.float64]]]:
     """Scans of a drive through a simulated world, and their poses (4, 4), world <- sensor."""
     scene = Scene(settings_of(layout, seed))
-    drive, ground_z = scene.drives[session], ground_under(scene.sensor)
+    drive, ground_z = scene.drives[session], -scene.sensors[session].height
     poses = drive.poses(drive.scan_stamps)
     every = np.ones(len(poses), dtype=np.bool_)
     for k in sample_by_distance(poses[:, :2, 3], spacing, every):
         sweep = scene.sweep(session, int(k))
         yield (
             (sweep.points[sweep.valid].astype(np.float32), ground_z),
-            poses[k] @ scene.sensor.mount,
+            poses[k] @ scene.sensors[session].mount,
         )
 
 
@@ -87,11 +83,11 @@ def _sweep(
 ) -> Scan:
     """One scan of prisms from a pose (4, 4) on the ground."""
     settings = replace(preset(layout), blind_width_deg=0.0)
-    sensor = sensor_of(settings)
+    sensor = sensor_of(settings, 0)
     body = at.copy()
     body[2, 3] += sensor.body_height + float(ground.height(*at[:2, 3]))
     sweep = scan(sensor, body, rng.uniform(0, 2 * np.pi), prisms, ground, settings, rng)
-    return sweep.points[sweep.valid].astype(np.float32), ground_under(sensor)
+    return sweep.points[sweep.valid].astype(np.float32), -sensor.height
 
 
 def _standing(rng: np.random.Generator, x: float = 0.0, y: float = 0.0) -> NDArray[np.float64]:
@@ -209,7 +205,7 @@ class Road:
     def scan(self, along: float, rng: np.random.Generator) -> tuple[Scan, NDArray[np.float64]]:
         """A scan from somewhere across the road, any heading, and its pose (4, 4)."""
         pose = _standing(rng, along, 0.3 * self.half_width * float(rng.uniform(-1, 1)))
-        mount = sensor_of(preset(self.layout)).mount
+        mount = sensor_of(preset(self.layout), 0).mount
         return _sweep(self.walls, self.layout, rng, pose, FLAT), pose @ mount
 
 
@@ -259,4 +255,4 @@ class RepeatedStreets:
         pose = _standing(rng, *(position + rng.uniform(-2, 2, 2)))
         movers = moving_objects(pose, FLAT, self.settings, rng)
         cloud = _sweep(self.standing[session] + movers, self.layout, rng, pose, FLAT)
-        return cloud, pose @ sensor_of(self.settings).mount
+        return cloud, pose @ sensor_of(self.settings, 0).mount

@@ -177,6 +177,8 @@ BESIDE = {
     "sampling=streets": ["loss=graded_cross_entropy"],
     "sampling=tuples": ["loss=lazy_quadruplet"],
     "loss=batch_hard": ["sampling=batch_hard"],
+    "loss=batch_softmax": ["sampling=batch_hard"],
+    "loss=batch_softmax_with_turn": ["sampling=batch_hard"],
     "loss=lazy_quadruplet": ["sampling=tuples"],
     "loss=quadruplet_with_turn": ["sampling=tuples"],
     "method/aggregation=dft2": ["method/similarity=l2"],
@@ -340,7 +342,7 @@ def test_every_command_of_the_docs_composes(page, command, composed):
 def test_the_augmentation_is_none_unless_chosen(composed):
     assert build.augmentation(composed(ROOT, "method=deepring_small").augmentation) is None
     chosen = build.augmentation(composed(ROOT, "augmentation=partial").augmentation)
-    assert (chosen.blind, chosen.blind_width, chosen.dropped) == (0.3, (20.0, 130.0), 0.3)
+    assert (chosen.blind, chosen.blind_width, chosen.dropped) == (0.7, (20.0, 130.0), 0.3)
     with pytest.raises(DeepringError, match=r"augmentation\.blind: 2"):
         build.augmentation(
             composed(ROOT, "augmentation=partial", "augmentation.blind=2").augmentation

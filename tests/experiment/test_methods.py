@@ -18,8 +18,18 @@ FIXED = ("ring", "ring_plus_plus", "scan_context", "scan_context_120")
 LEARNED = [name for name in METHODS if name not in FIXED]
 
 
+#: The networks at published size that are trained otherwise, with pairs and cross-entropy.
+GPU = [name for name in METHODS if name.endswith("_gpu")]
+PAIRS = (
+    *("sampling.size=4", "sampling.limit=6", "sampling.per_epoch=2", "workers=0"),
+    *("sampling.positive_radius=10", "sampling.negative_radius=20"),
+)
+
+
 def tiny(method):
-    return TINY_METHODS[method.removesuffix("_small")]
+    name = method.removesuffix("_gpu")
+    network = [o for o in TINY_METHODS[name] if not o.startswith("sampling.")]
+    return (*network, *PAIRS) if method in GPU else TINY_METHODS[name]
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -35,6 +45,22 @@ def test_each_method_names_its_command_and_says_whether_it_learns(method, compos
         assert network.raster.preprocessing.clearance == 0.5  # the comparison's
     else:
         assert len(build.fixed_methods(cfg)) == 4 - (method in cfg.methods)
+
+
+@pytest.mark.parametrize("method", GPU)
+def test_what_is_meant_for_a_gpu_has_the_published_size(method, composed):
+    name = method.removesuffix("_gpu")
+    ours, published = (
+        build.network_settings(composed("data.root=/nowhere", f"method={m}").method).to_dict()
+        for m in (method, name)
+    )
+    changed = {key for key, value in published.items() if ours[key] != value}
+    assert changed == {"disco": {"signature"}, "egonn": {"normalised"}}.get(name, set())
+
+
+def test_every_learned_baseline_has_a_cpu_and_a_gpu_size():
+    assert {"disco", "egonn", "pointnetvlad"} == {m.removesuffix("_gpu") for m in GPU}
+    assert {f"{m.removesuffix('_gpu')}_small" for m in GPU} < set(METHODS)
 
 
 @pytest.mark.parametrize("method", [name for name in LEARNED if not name.endswith("_small")])

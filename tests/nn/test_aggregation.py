@@ -150,6 +150,16 @@ def test_silent_directions_have_no_phase_and_a_finite_gradient():
     assert torch.isfinite(x.grad).all()
 
 
+def test_a_feature_without_any_phase_has_a_finite_gradient():
+    # An image whose every cell was lost: the feature is constant.
+    x = torch.full((1, 1, ROWS, BINS), 0.3, requires_grad=True)
+    d = of_pairs(x)
+    (d * torch.randn(d.shape)).sum().backward()
+    assert d[..., :6].any()
+    assert not d[..., 6:].abs().gt(1e-2).any()
+    assert torch.isfinite(x.grad).all()
+
+
 @pytest.mark.parametrize(
     ("kind", "values", "message"),
     [

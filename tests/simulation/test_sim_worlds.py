@@ -20,7 +20,7 @@ from deepring.simulation.raycast import Fan, cast
 from deepring.simulation.routes import database_route, query_route
 from deepring.simulation.scene import Scene
 from deepring.simulation.settings import in_world, mulran, nclt, preset, tiny, with_knobs
-from deepring.simulation.shapes import PointClass, PrismList
+from deepring.simulation.shapes import BOTH, DATABASE, QUERY, PointClass, PrismList
 from deepring.simulation.simulate import simulate
 from deepring.simulation.streets import clearance, street_grid
 from deepring.simulation.world import build_world
@@ -339,3 +339,18 @@ def test_a_grid_without_some_streets_stays_whole(seed):
         database_route(few, np.random.default_rng(0)), (few.train, few.test), strict=True
     ):
         assert {frozenset(step) for step in pairwise(route)} == {frozenset(s) for s in part}
+
+
+@pytest.mark.parametrize("kind", ["campus", "terraces", "tunnels"])
+def test_parked_cars_stay_or_change_between_the_sessions(kind):
+    def sessions(changed):
+        settings = with_knobs(nclt(seed=6), {"world": kind, "parking_changed": changed})
+        cars = of_kind(build_world(settings).prisms, PointClass.PARKED_CAR)
+        assert len(cars) > 100
+        return np.bincount(cars.sessions, minlength=4)
+
+    assert sessions(0.0)[[DATABASE, QUERY]].sum() == 0
+    assert sessions(1.0)[BOTH] == 0
+    one, other, both = sessions(0.5)[[DATABASE, QUERY, BOTH]]  # half of the slots are filled twice
+    assert both / (one + other) == pytest.approx(0.5, abs=0.15)
+    assert one / other == pytest.approx(1.0, abs=0.3)

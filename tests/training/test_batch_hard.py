@@ -1,5 +1,6 @@
 """The batch-hard scheme: masks, growth and turns of batches; its loss against sums by hand."""
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -70,6 +71,9 @@ def test_too_few_pairs_are_refused():
     for values, complaint in (
         ({"size": 7}, r"sampling\.size: 7"),
         ({"limit": 16}, r"sampling\.limit: 16"),
+        ({"hard": 1.5}, r"sampling\.hard: 1\.5"),
+        ({"hard_from": -1}, r"sampling\.hard_from: -1"),
+        ({"candidates": 0}, r"sampling\.candidates: 0"),
         ({"expand_by": 0.5}, r"sampling\.expand_by: 0\.5"),
         ({"positive_radius": 11.0}, r"sampling\.positive_radius: 11\.0"),
     ):
@@ -158,6 +162,27 @@ def test_the_warm_up_takes_all_triplets_and_is_counted_in_the_state():
     losses += [float(resumed(*batch).loss) for _ in range(2)]
     assert losses == [every, every, hardest]
     assert every != hardest
+
+
+def test_hard_pairs_look_like_the_pair_before_and_are_elsewhere():
+    hard = dataclasses.replace(SETTINGS, hard=1.0, candidates=48)
+    made = hard.training_set(some_scans(), seed=0)
+    rng = np.random.default_rng(0)
+    plain = SETTINGS.training_set(some_scans(), seed=0)
+    # Nothing is hard before the first descriptors.
+    assert (made.sample(np.random.default_rng(1)) == plain.sample(np.random.default_rng(1))).all()
+    place = np.arange(48) // 4
+    made.vectors = torch.from_numpy(np.exp2(place % 6))[:, None]  # place k looks like k + 6
+    for _ in range(20):
+        anchors = made.sample(rng)[::2]
+        assert len(set(anchors.tolist())) == 4
+        first, second = place[anchors[:2]]
+        assert second == (first + 6) % 12
+    # Half of them: the others are drawn at random.
+    some = dataclasses.replace(hard, hard=0.5).training_set(some_scans(), seed=0)
+    some.vectors = made.vectors
+    pairs = [place[some.sample(rng)[:3:2]] for _ in range(60)]
+    assert 20 < sum(b == (a + 6) % 12 for a, b in pairs) < 45
 
 
 def test_scans_of_a_pair_differ_by_the_turn_that_their_orientations_tell():

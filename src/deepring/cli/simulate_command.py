@@ -14,7 +14,7 @@ from deepring.simulation.simulate import simulate
 
 def simulate_command(args: argparse.Namespace) -> None:
     """Simulate the dataset unless it exists, and print its folder."""
-    knobs = dict(_parse_knob(text) for text in args.knobs)
+    knobs = dict(parse_knob(text) for text in args.knobs)
     settings = with_knobs(preset(args.dataset, args.seed), knobs)
     expect_folder(args.output)
     with progress_bar(f"simulating {args.dataset} scans") as bar:
@@ -22,7 +22,7 @@ def simulate_command(args: argparse.Namespace) -> None:
     console.print(f"dataset      {root}")
 
 
-def _parse_knob(text: str) -> tuple[str, object]:
+def parse_knob(text: str) -> tuple[str, object]:
     """Name and value of ``NAME=VALUE``, the value in the knob's type. Raises ConfigError."""
     name, equals, value = text.partition("=")
     settings = {field.name: field for field in fields(SimulationSettings)}

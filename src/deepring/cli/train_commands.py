@@ -155,6 +155,7 @@ def _train(composed: DictConfig) -> None:
 def _evaluate(composed: DictConfig) -> None:
     from deepring.experiment.evaluate import evaluate
     from deepring.experiment.plan import plan_evaluation
+    from deepring.experiment.status import Status, write_status
 
     cfg = check_config(composed)
     folder = run_folder(cfg.paths.run)
@@ -162,8 +163,10 @@ def _evaluate(composed: DictConfig) -> None:
     plan = plan_evaluation(cfg, checkpoint)
     open_run_folder(plan.record, folder)
     show(plan.evaluation, evaluate(plan, folder))
+    write_status(folder, Status("finished"))
     link_latest(folder)
     show_folder(folder)
+    console.print(f"tables       deepring tables {folder}")
 
 
 def _keep_lightning_quiet() -> None:

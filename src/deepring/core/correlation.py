@@ -145,8 +145,8 @@ def standardise(
     tensor([[-1.,  1.]])
     """
     centred = descriptor - descriptor.mean(dim=(-2, -1), keepdim=True)
-    deviation = centred.square().mean(dim=(-2, -1), keepdim=True).sqrt()
-    return centred / deviation.clamp_min(1e-12)
+    variance = centred.square().mean(dim=(-2, -1), keepdim=True)
+    return centred / variance.clamp_min(1e-24).sqrt()  # of 0 the root has no gradient
 
 
 def unit_norm(
@@ -157,5 +157,5 @@ def unit_norm(
     >>> unit_norm(torch.tensor([[3.0, 4.0]]))
     tensor([[0.6000, 0.8000]])
     """
-    norm = descriptor.square().sum(dim=(-2, -1), keepdim=True).sqrt()
-    return descriptor / norm.clamp_min(1e-12)
+    power = descriptor.square().sum(dim=(-2, -1), keepdim=True)
+    return descriptor / power.clamp_min(1e-24).sqrt()  # of 0 the root has no gradient

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from deepring.checks import one_of
 from deepring.data.inspection.session import expect_usable
+from deepring.data.online import Earlier, check_earlier, first_too_recent
 from deepring.data.readers import open_session
 from deepring.data.regions import Region, Shape, parse_region
 from deepring.data.scan_set import ScanSet
@@ -59,7 +60,9 @@ class DatasetConfig:
     regions: Regions = field(default_factory=Regions)
     #: 'sessions': database and query are two sessions. 'revisits': one session, with its first
     #: passes as the database and later passes as queries, see `deepring.data.spacing.revisits`.
+    #: 'online': one session, each query looked up among the places that are ``earlier`` enough.
     split: str = "sessions"
+    earlier: Earlier = field(default_factory=Earlier)
     revisit_radius: float = 10.0
     revisit_apart: float = 100.0
     #: z of the ground under the sensor in the scan's frame, metres; None uses the session's value.
@@ -78,6 +81,24 @@ class RetrievalSet:
     region: str
     database: ScanSet
     query: ScanSet
+    before: NDArray[np.int64] | None = None
+    """(q,) where both are of one drive and queries are online: each is compared with the places
+    whose scans come before this one of the session, and never with none. None: with all places."""
+
+    @property
+    def searched(self) -> NDArray[np.int64] | None:
+        """With how many of the first places each query is compared, (q,); None: with all."""
+        if self.before is None:
+            return None
+        return np.searchsorted(self.database.indices, self.before)
+
+    def among(self, database: ScanSet, query: ScanSet) -> "RetrievalSet":
+        """Some of the scans of both sides, without queries that have no place any more."""
+        if self.before is None:
+            return RetrievalSet(self.name, self.region, database, query)
+        before = self.before[np.searchsorted(self.query.indices, query.indices)]
+        some = before > database.indices[0] if len(database) else np.zeros(len(query), np.bool_)
+        return RetrievalSet(self.name, self.region, database, query.subset(some), before[some])
 
 
 class PlaceDataset:
@@ -88,7 +109,8 @@ class PlaceDataset:
     """
 
     def __init__(self, config: DatasetConfig, key: str = "data") -> None:
-        one_of(f"{key}.split", config.split, ("sessions", "revisits"))
+        one_of(f"{key}.split", config.split, ("sessions", "revisits", "online"))
+        check_earlier(config.earlier, f"{key}.earlier", config.split == "online")
         self.config = config
         self.key = key
         self.name = config.name
@@ -100,14 +122,15 @@ class PlaceDataset:
 
     @cached_property
     def query(self) -> Session:
-        """The session of the queries; with split 'revisits', that of the database."""
-        if self.config.split == "revisits":
+        """The session of the queries; with split 'revisits' and 'online', that of the database."""
+        if self.config.split != "sessions":
             return self.database
         session = self._open(self.config.query)
         if session.name == self.database.name:
             raise ConfigError(
                 f"{self.key}.query: {session.name} is also {self.key}.database, so that every "
-                f"query would find itself; choose another session, or {self.key}.split 'revisits'"
+                f"query would find itself; choose another session, or {self.key}.split "
+                "'revisits' or 'online'"
             )
         return session
 
@@ -194,7 +217,23 @@ class PlaceDataset:
             first = ~later
         database = self._scans(self.database, region, spacing.database, first)
         query = self._scans(self.query, region, spacing.query, later, self.config.query_turn_seed)
+        if self.config.split == "online":
+            return self._online(region, database, query)
         return RetrievalSet(self.name, region, database, query)
+
+    def _online(self, region: str, database: ScanSet, query: ScanSet) -> RetrievalSet:
+        """The queries that have any place, each with those that are earlier enough."""
+        key, earlier = f"{self.key}.earlier", self.config.earlier
+        before = first_too_recent(self.database, database.indices, query.indices, earlier, key)
+        online = RetrievalSet(self.name, region, database, query, before).among(database, query)
+        if not len(online.query):
+            given = {name: value for name, value in vars(earlier).items() if value is not None}
+            raise ConfigError(
+                f"{key}: {given}, but none of {len(query)} queries of session "
+                f"{self.database.name} in region {region!r} has a place that much earlier; take "
+                "less, or a longer drive"
+            )
+        return online
 
     def _scans(
         self,

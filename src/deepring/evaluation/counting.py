@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring import checks
@@ -36,6 +37,7 @@ def count(
     per_scan: float,
     per_query: float,
     wrong_beyond: float | None = None,
+    searched: NDArray[np.int64] | None = None,
 ) -> list[Result]:
     """One result per radius (metres), in the order of ``radii``.
 
@@ -48,15 +50,18 @@ def count(
         radii: the headline first.
         places: number of places in the database.
         per_scan: seconds from points to descriptor, repeated in each result.
-        per_query: seconds to search the whole database, likewise.
+        per_query: seconds to search all places that a query is compared with, likewise.
         wrong_beyond: metres, see above.
+        searched: (q,) with how many places each query was compared, where not with all.
 
     Raises:
         ConfigError: a ``wrong_beyond`` below a radius.
     """
     check_grey_zone(radii, wrong_beyond)
     top = torch.from_numpy(matches.score[:, 0])
-    percent = one_percent(places)
+    percent: int | Tensor = one_percent(places)
+    if searched is not None:
+        percent = torch.tensor([one_percent(number) for number in searched.tolist()])
     results = []
     for radius, ranks in zip(radii, _ranks(matches, radii), strict=True):
         answerable = int((ranks > 0).sum())

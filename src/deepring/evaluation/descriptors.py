@@ -31,6 +31,7 @@ _ARRAYS = {
     "positions": TensorType("float64", ("n", 2)),
     "indices": TensorType("int64", ("n",)),
     "turns": TensorType("float64", ("n",), optional=True),
+    "before": TensorType("int64", ("n",), optional=True),
 }
 
 
@@ -67,6 +68,9 @@ class DescriptorSet(DescriptorHeader):
     """(n,) numbers of the scans in their session."""
     turns: NDArray[np.float64] | None = None
     """(n,) radians by which the scans were turned; None for scans that were not."""
+    before: NDArray[np.int64] | None = None
+    """(n,) of queries that are online: the first scan of the session that is too recent to be a
+    place, see `deepring.data.dataset.RetrievalSet`."""
 
     def __post_init__(self) -> None:
         checks.one_of("side", self.side, SideName)
@@ -107,7 +111,7 @@ class DescriptorSet(DescriptorHeader):
 
     @property
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays by name; without ``turns`` if that is None."""
+        """The arrays by name, without those that are None."""
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         return {name: array for name, array in arrays.items() if array is not None}
 

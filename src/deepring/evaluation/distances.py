@@ -23,17 +23,24 @@ class HasPositions(Protocol):
 
 
 def nearest_distances(
-    query: HasPositions, database: HasPositions, batch: int = 64
+    query: HasPositions,
+    database: HasPositions,
+    searched: NDArray[np.int64] | None = None,
+    batch: int = 64,
 ) -> NDArray[np.float32]:
     """Metres (q,) from each query to the nearest place; ``batch`` queries are compared at a time.
 
-    Computed in float64, since world positions may be large numbers.
+    Computed in float64, since world positions may be large numbers. Only the first ``searched``
+    (q,) places count for each query; all without it.
     """
     queries, places = query.positions, database.positions
     nearest = np.empty(len(queries), np.float32)
     for start in range(0, len(queries), batch):
         rows = slice(start, start + batch)
-        nearest[rows] = _metres(queries[rows, None] - places).min(axis=1)
+        metres = _metres(queries[rows, None] - places)
+        if searched is not None:
+            metres[np.arange(len(places)) >= searched[rows, None]] = np.inf
+        nearest[rows] = metres.min(axis=1)
     return nearest
 
 

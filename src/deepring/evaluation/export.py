@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import get_args
 
+import numpy as np
+from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring.data.scan_set import ScanSet
@@ -30,10 +32,18 @@ class Export:
         self.paths = {side: free_path(folder, case, side) for side in get_args(SideName)}
         self.sides: list[DescriptorSet] = []
 
-    def add(self, side: SideName, scans: ScanSet, descriptors: Tensor, per_scan: float) -> None:
+    def add(
+        self,
+        side: SideName,
+        scans: ScanSet,
+        descriptors: Tensor,
+        per_scan: float,
+        before: NDArray[np.int64] | None = None,
+    ) -> None:
         """Add the descriptors (n, ...) of a side.
 
-        ``per_scan`` is the seconds from points to descriptor.
+        ``per_scan`` is the seconds from points to descriptor, ``before`` that of the
+        `RetrievalSet`.
 
         Raises DataError for descriptors that a file cannot hold.
         """
@@ -43,6 +53,7 @@ class Export:
                 positions=scans.positions,
                 indices=scans.indices,
                 turns=scans.turns,
+                before=before,
                 case=self.case,
                 side=side,
                 session=scans.session.name,

@@ -14,10 +14,10 @@ def wilson(share: float, count: float) -> tuple[float, float]:
     p ± 1.96 √(p(1-p)/n) does not. Consecutive queries of a drive are alike, so that a recall's
     true uncertainty is rather larger.
 
-    >>> wilson(0.5, 10)
-    (0.236593090512564, 0.763406909487436)
-    >>> wilson(1.0, 10)
-    (0.7224672001371107, 1.0)
+    >>> [round(bound, 3) for bound in wilson(0.5, 10)]
+    [0.237, 0.763]
+    >>> [round(bound, 3) for bound in wilson(1.0, 10)]
+    [0.722, 1.0]
     >>> wilson(0.0, 0)
     (0.0, 1.0)
     """

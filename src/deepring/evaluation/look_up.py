@@ -1,7 +1,7 @@
 """Looking queries up through a method's own index."""
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import torch
 from torch import Tensor
@@ -37,7 +37,7 @@ def fill_index(method: Method, descriptors: Iterable[Tensor]) -> Index:
     """
     index = index_of(method, EXACT)
     for batch in descriptors:
-        index.add(_finite("database", batch))
+        index.add(finite("database", batch))
     return index
 
 
@@ -58,25 +58,33 @@ def look_up(index: Index, descriptors: Iterable[Tensor], k: int = BEST) -> tuple
     seconds = 0.0
     for batch in descriptors:
         if not hits:
-            index.search(_finite("queries", batch[:1]), k)  # a first search may compile
-        if _finite("queries", batch).is_cuda:  # else unfinished work on the GPU is timed
+            index.search(finite("queries", batch[:1]), k)  # a first search may compile
+        if finite("queries", batch).is_cuda:  # else unfinished work on the GPU is timed
             torch.cuda.synchronize(batch.device)
         started = time.perf_counter()
-        hits.append(_on_cpu(index.search(batch, k)))
+        hits.append(on_cpu(index.search(batch, k)))
         seconds += time.perf_counter() - started
+    whole = joined(hits)
+    return whole, seconds / len(whole.place)
+
+
+def joined(hits: Sequence[Hits]) -> Hits:
+    """The hits of all queries, of as many places each. Raises DataError for scores that are NaN."""
     place, score, turn = zip(*hits, strict=True)
     turns = None if any(part is None for part in turn) else torch.cat(turn)
     whole = Hits(torch.cat(place), torch.cat(score), turns)
     if whole.score.isnan().any():
         raise DataError(f"scores: {int(whole.score.isnan().sum())} NaN, expected numbers")
-    return whole, seconds / len(whole.place)
+    return whole
 
 
-def _on_cpu(hits: Hits) -> Hits:
+def on_cpu(hits: Hits) -> Hits:
+    """The hits with their tensors on the CPU."""
     return Hits(*(None if part is None else part.cpu() for part in hits))  # type: ignore[arg-type]
 
 
-def _finite(side: str, descriptors: Tensor) -> Tensor:
+def finite(side: str, descriptors: Tensor) -> Tensor:
+    """The descriptors. Raises DataError unless all of their values are finite."""
     bad = int((~descriptors.isfinite()).sum())
     if bad:
         raise DataError(

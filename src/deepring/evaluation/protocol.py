@@ -17,8 +17,9 @@ from deepring.evaluation.case import Case
 from deepring.evaluation.counting import check_grey_zone, count
 from deepring.evaluation.distances import nearest_distances
 from deepring.evaluation.export import Export
-from deepring.evaluation.look_up import BEST, best_of, fill_index, look_up
+from deepring.evaluation.look_up import BEST, best_of
 from deepring.evaluation.matches import TopMatches
+from deepring.evaluation.online import look_up_among
 from deepring.evaluation.results import Result
 from deepring.evaluation.task import RetrievalTask
 from deepring.methods.method import Method, describe_batches
@@ -60,7 +61,8 @@ def evaluate_method(
     """Describe both sides, look every query up, and count at each revisit radius (metres).
 
     A radius within which no query has an answer is left out with a warning. The index holds the
-    whole database; of the queries one batch is in memory at a time, but with ``export`` all are.
+    whole database, or where queries are online what is old enough; of the queries one batch is in
+    memory at a time, but with ``export`` all are.
 
     Args:
         case: as `RetrievalTask.case` gives it.
@@ -86,7 +88,8 @@ def evaluate_method(
                 f"{case.test}, region {case.region}: the {what} holds 0 scans; expected at least "
                 "one; take a wider region or another session"
             )
-    nearest = nearest_distances(query, database)
+    searched = task.scans.searched
+    nearest = nearest_distances(query, database, searched)
     check_answerable(case, nearest, radii)
     check_grey_zone(radii, wrong_beyond)
     writer = None if export is None else Export(export, case, method)
@@ -95,16 +98,17 @@ def evaluate_method(
     queries: Iterable[Tensor] = describe_batches(method, task.query, BATCH, device, progress)
     if writer is not None:
         places = list(places)
-    index = fill_index(method, places)
-    per_scan = seconds_per_scan(method, query, device)
-    if writer is not None:
-        writer.add("database", database, torch.cat(list(places)), per_scan)
+        per_scan = seconds_per_scan(method, query, device)
+        writer.add("database", database, torch.cat(places), per_scan)
         queries = list(queries)
-        writer.add("query", query, torch.cat(queries), per_scan)
+        writer.add("query", query, torch.cat(queries), per_scan, task.scans.before)
         writer.write()
-    hits, per_query = look_up(index, queries, best_of(len(database), best))
+    k = best_of(len(database), best)
+    hits, per_query = look_up_among(method, places, queries, k, searched)
+    if writer is None:
+        per_scan = seconds_per_scan(method, query, device)
     matches = TopMatches.of_hits(case, query, database, hits, nearest)
-    results = count(matches, radii, len(database), per_scan, per_query, wrong_beyond)
+    results = count(matches, radii, len(database), per_scan, per_query, wrong_beyond, searched)
     return Outcome(matches, results)
 
 

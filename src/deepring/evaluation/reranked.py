@@ -12,6 +12,7 @@ from deepring.data.scan_set import ScanSet
 from deepring.evaluation.counting import count
 from deepring.evaluation.look_up import best_of
 from deepring.evaluation.matches import TopMatches
+from deepring.evaluation.online import filled
 from deepring.evaluation.protocol import Outcome
 from deepring.evaluation.reranked_labels import NAMES
 from deepring.evaluation.task import RetrievalTask, rows_of
@@ -44,22 +45,25 @@ def evaluate_reranked(
         wrong_beyond: metres, see `deepring.evaluation.counting`.
     """
     matches, query, database = outcome.matches, task.scans.query, task.scans.database
-    poses = planar_poses(database)
+    poses, searched = planar_poses(database), task.scans.searched
+    if searched is None:
+        searched = np.full(len(matches.query), len(database))
     images = rows_of(query, matches.query)
     found = torch.from_numpy(rows_of(database, matches.place))
     places, others = found[:, : settings.candidates], found[:, settings.candidates :]
     turns = None if matches.turn is None else torch.from_numpy(matches.turn[:, : places.shape[1]])
     orders: dict[Rerank, list[Order]] = {mode: [] for mode in modes}
     started = time.perf_counter()
-    for q, place in enumerate(places):
+    for q, repeated in enumerate(places):
+        place = repeated[: _distinct(repeated)]
         image, candidates = task.query[images[q : q + 1]][0], task.database[place.numpy()]
-        turn = None if turns is None else turns[q]
+        turn = None if turns is None else turns[q, : len(place)]
         alignment = align_candidates(image, turn, candidates, settings)
         for mode in modes:
             order = (
                 _by_pose(place, others[q], alignment, settings)
                 if mode == "pose"
-                else _by_location(place, alignment, poses, settings)
+                else _by_location(place, alignment, poses[: searched[q]], settings)
             )
             orders[mode].append(order)
         if progress is not None:
@@ -70,13 +74,19 @@ def evaluate_reranked(
 
     outcomes = []
     for mode in modes:
-        place, score = map(torch.stack, zip(*orders[mode], strict=True))
+        widest = max(len(place) for place, _ in orders[mode])
+        place, score = (
+            torch.stack([filled(values, widest) for values in part])
+            for part in zip(*orders[mode], strict=True)
+        )
         case = replace(outcome.case, method=NAMES[mode].format(outcome.case.method))
         ranking = TopMatches.of_hits(
             case, query, database, Hits(place, score, None), matches.nearest
         )
         per_scan = alone.seconds_per_scan
-        results = count(ranking, radii, len(database), per_scan, per_query, wrong_beyond)
+        results = count(
+            ranking, radii, len(database), per_scan, per_query, wrong_beyond, task.scans.searched
+        )
         outcomes.append(Outcome(ranking, results))
     return outcomes
 
@@ -85,6 +95,11 @@ def planar_poses(scans: ScanSet) -> Tensor:
     """x, y and heading (n, 3) in the world of each scan, after the turn of its points."""
     heading = scans.headings if scans.turns is None else scans.headings - scans.turns
     return torch.from_numpy(np.column_stack([scans.positions, heading]))
+
+
+def _distinct(places: Tensor) -> int:
+    """How many places (k,) there are before the last is repeated, see `online.filled`."""
+    return 1 + int((places[1:] != places[:-1]).sum())
 
 
 def _by_pose(
@@ -99,7 +114,7 @@ def _by_pose(
 def _by_location(
     places: Tensor, alignment: Alignment, poses: Tensor, settings: RerankSettings
 ) -> Order:
-    """The places of the whole database nearest to where the best candidate puts the query."""
+    """The places with these ``poses`` nearest to where the best candidate puts the query."""
     best = best_fit(alignment, poses[places], settings)
     away = torch.linalg.vector_norm(poses[:, :2] - best.position, dim=-1)
     order = away.argsort(stable=True)[: best_of(len(poses))]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring.errors import DataError, DeepringError, FileError
@@ -13,8 +14,9 @@ from deepring.evaluation.counting import check_grey_zone, count
 from deepring.evaluation.descriptors import ENDING, DescriptorSet, read_descriptors
 from deepring.evaluation.distances import nearest_distances
 from deepring.evaluation.fingerprint import fingerprint, first_difference
-from deepring.evaluation.look_up import best_of, fill_index, look_up
+from deepring.evaluation.look_up import best_of
 from deepring.evaluation.matches import TopMatches
+from deepring.evaluation.online import look_up_among
 from deepring.evaluation.protocol import BATCH, RADII, Outcome, check_answerable
 from deepring.methods.method import Method, rebuild_method
 from deepring.progress import Progress
@@ -46,14 +48,15 @@ def score_descriptors(
     """
     _check_pair(query, database)
     _check_method(method, query)
-    nearest = nearest_distances(query, database)
+    searched = _searched(query, database)
+    nearest = nearest_distances(query, database, searched)
     check_answerable(query.case, nearest, radii)
     check_grey_zone(radii, wrong_beyond)
-    index = fill_index(method, _batches(database, device))
-    hits, per_query = look_up(index, _batches(query, device, progress), best_of(len(database)))
+    places, queries = _batches(database, device), _batches(query, device, progress)
+    hits, per_query = look_up_among(method, places, queries, best_of(len(database)), searched)
     matches = TopMatches.of_hits(query.case, query, database, hits, nearest)
     per_scan = query.seconds_per_scan
-    results = count(matches, radii, len(database), per_scan, per_query, wrong_beyond)
+    results = count(matches, radii, len(database), per_scan, per_query, wrong_beyond, searched)
     return Outcome(matches, results)
 
 
@@ -167,6 +170,30 @@ def _check_pair(query: DescriptorSet, database: DescriptorSet) -> None:
             f"{shown(database_value)} for the database; expected both to be made by the same "
             "method, settings and weights, for the same region; export both sides together"
         )
+
+
+def _searched(query: DescriptorSet, database: DescriptorSet) -> NDArray[np.int64] | None:
+    """With how many of the first places each query is compared, (q,); None: with all.
+
+    Raises DataError for online queries of another session than the places, or without a place.
+    """
+    if query.before is None:
+        return None
+    searched = np.searchsorted(database.indices, query.before)
+    in_order = all((np.diff(a) > 0).all() for a in (query.indices, database.indices))
+    if (
+        query.session != database.session
+        or not in_order
+        or searched.min() < 1
+        or (query.before > query.indices).any()
+        or (np.diff(query.before) < 0).any()
+    ):
+        raise DataError(
+            f"{_title(query)}: before: not that of an online evaluation of one drive, whose "
+            "scans are in driving order, and whose queries each have an earlier place; export "
+            "both sides again"
+        )
+    return searched
 
 
 def _check_method(method: Method, descriptors: DescriptorSet) -> None:

@@ -35,9 +35,9 @@ def load_task(cache: RasterCache, scans: RetrievalSet, raster: Raster) -> Retrie
     """
     where = f"{scans.name} {scans.region}"
     database, database_rasters = load_rasters(cache, scans.database, raster, f"{where}: database")
-    query, query_rasters = load_rasters(cache, scans.query, raster, f"{where}: queries")
-    readable = RetrievalSet(scans.name, scans.region, database, query)
-    return RetrievalTask(readable, database_rasters, query_rasters)
+    wanted = scans.among(database, scans.query).query
+    query, query_rasters = load_rasters(cache, wanted, raster, f"{where}: queries")
+    return RetrievalTask(scans.among(database, query), database_rasters, query_rasters)
 
 
 def rows_of(scans: ScanSet, numbers: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -8,6 +8,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from deepring.checks import at_least, count, number, one_of, positive
 from deepring.data.dataset import DatasetConfig
+from deepring.data.online import check_earlier
 from deepring.data.readers import reader_names
 from deepring.errors import ConfigError
 from deepring.evaluation.metrics import Over
@@ -166,6 +167,7 @@ def _check_dataset(key: str, config: DatasetConfig) -> None:
     """Raise ConfigError that names the key of a length or seed that is negative or not finite."""
     lengths = {f"spacing.{name}": value for name, value in vars(config.spacing).items()}
     lengths |= {name: getattr(config, name) for name in ("revisit_radius", "revisit_apart")}
+    check_earlier(config.earlier, f"{key}.earlier", config.split == "online")
     lengths["regions.margin"] = config.regions.margin
     for name, value in lengths.items():
         at_least(f"{key}.{name}", value, 0, "metres")

@@ -82,7 +82,9 @@ def _figure(network: DeepRing, split: RetrievalSet, matches: TopMatches, row: in
     query = int(rows_of(split.query, matches.query[row : row + 1])[0])
     place = int(rows_of(database, matches.place[row, :1])[0])
     away = np.linalg.norm(database.positions - split.query.positions[query], axis=1)
-    nearest, nearest_image = _nearest(database, np.argsort(away, kind="stable"), raster)
+    searched = split.searched
+    among = away if searched is None else away[: searched[query]]
+    nearest, nearest_image = _nearest(database, np.argsort(among, kind="stable"), raster)
     images = [
         ("query", _image(split.query, query, raster)),
         (f"retrieved, {away[place]:.0f} m", _image(database, place, raster)),

@@ -43,12 +43,13 @@ class MethodComparison:
 def is_comparison(runs: Iterable[Run]) -> bool:
     """Whether the runs compare methods rather than settings of DeepRING.
 
-    They are where some run is of another method than DeepRING by its ``method._target_``, or was
-    tested in several places.
+    They are where some run is of another method than DeepRING by its ``method._target_``, was
+    tested in several places, or evaluates a checkpoint beside other methods.
     """
     return any(
         str(run.setting.get("method._target_")).rpartition(".")[2] != "DeepRing"
         or len({result.case.place for result in run.results}) > 1
+        or run.config.get("checkpoint") is not None
         for run in runs
     )
 

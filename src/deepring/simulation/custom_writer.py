@@ -45,7 +45,7 @@ def write_scan(path: Path, sweep: Sweep, sensor: Sensor) -> None:
     """
     valid = sweep.valid
     columns = [sweep.points[valid] @ sensor.stored, sweep.reflectance[valid][:, None] * 255]
-    fields = _FIELDS
+    fields: tuple[str, ...] = _FIELDS
     if sweep.seconds is not None:
         columns.append(np.broadcast_to(sweep.seconds[:, None], valid.shape)[valid][:, None])
         fields += ("time",)

@@ -1,6 +1,8 @@
 """Places trees, poles, walls, clutter and cars along one side of a street."""
 
-from deepring.simulation.shapes import DATABASE, QUERY, PointClass
+from collections.abc import Iterator
+
+from deepring.simulation.shapes import BOTH, DATABASE, QUERY, PointClass
 from deepring.simulation.yard import Character, StreetSide, Yard
 
 
@@ -81,19 +83,33 @@ def park_cars(side: StreetSide, yard: Yard, cars: Yard) -> None:
 def park_row(
     side: StreetSide, span: tuple[float, float], away: float, cars: Yard, slot: float = 6.0
 ) -> None:
-    """Park cars along the street in slots of ``slot`` metres, differently in each session."""
+    """Park cars along the street in slots of ``slot`` metres."""
     position, end = span
     while position < end:
-        for session in (DATABASE, QUERY):
-            if cars.chance(cars.settings.parking_share):
-                park(side.at(position + cars.between(-0.4, 0.4), away), side.yaw, cars, session)
+        for sessions in occupied(cars):
+            park(side.at(position + cars.between(-0.4, 0.4), away), side.yaw, cars, sessions)
         position += slot
 
 
-def park(place: tuple[float, float], yaw: float, cars: Yard, session: int) -> None:
-    """Park a car or a van at ``place`` in one session."""
+def occupied(cars: Yard, factor: float = 1.0) -> Iterator[int]:
+    """The sessions in which a car stands in a slot: one car in both, or up to one in each.
+
+    ``factor`` times ``parking_share`` is the chance of a car. Draws lazily: park before the next.
+    """
+    share, changed = factor * cars.settings.parking_share, cars.settings.parking_changed
+    if changed < 1.0 and not cars.chance(changed):
+        if cars.chance(share):
+            yield BOTH
+        return
+    for session in (DATABASE, QUERY):
+        if cars.chance(share):
+            yield session
+
+
+def park(place: tuple[float, float], yaw: float, cars: Yard, sessions: int) -> None:
+    """Park a car or a van at ``place``."""
     van = cars.chance(0.15)
     height = cars.between(2.0, 2.6) if van else cars.between(1.4, 1.8)
     size = (cars.between(4.8, 5.6) if van else cars.between(3.8, 4.8), 1.8, height)
     yaw += cars.between(-0.04, 0.04)
-    cars.box(place, size, yaw, PointClass.PARKED_CAR, cars.between(0.2, 0.9), session)
+    cars.box(place, size, yaw, PointClass.PARKED_CAR, cars.between(0.2, 0.9), sessions)

@@ -60,7 +60,7 @@ class Revolution:
     @property
     def seconds(self) -> FloatArray:
         """Seconds (C,) from the start of the sweep to each column."""
-        order = SWEEP / self.columns * np.arange(self.columns)
+        order: FloatArray = SWEEP / self.columns * np.arange(self.columns, dtype=np.float64)
         return order[::-1] if self.clockwise else order
 
     def part(self, columns: IntArray, pose: FloatArray, cast: Caster) -> Hits:

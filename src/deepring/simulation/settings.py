@@ -48,6 +48,7 @@ class SimulationSettings:
     structures_changed: float = 0.15  # the same for facade parts, walls, sheds, clutter
     bare_season: float = 1.5  # factor of the crowns' transparency in the database
     parking_share: float = 0.55  # share of occupied parking slots in each session
+    parking_changed: float = 1.0  # share of the slots filled anew in the second session
     movers: float = 14.0  # mean number of moving objects around the robot per scan
     mover_vehicle_share: float = 0.3  # the others are pedestrians
 
@@ -224,6 +225,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "structures_changed": (0.0, 1.0),
     "bare_season": (0.1, 10.0),
     "parking_share": (0.0, 1.0),
+    "parking_changed": (0.0, 1.0),
     "movers": (0.0, 200.0),
     "mover_vehicle_share": (0.0, 1.0),
     "max_range": (10.0, 120.0),

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 
 from deepring import checks
 from deepring.errors import ConfigError, DataError
+from deepring.methods.method import describe_all
 from deepring.methods.network import NetworkMethod
 from deepring.training.scheme import Step, TrainingScheme, TrainingSet
 from deepring.training.training_scans import TrainingScans, check_radii, within
@@ -150,6 +151,10 @@ class BatchHardScheme(TrainingScheme):
     of one place then differ by the turn (scan i is scan j turned by ``orientations[i] -
     orientations[j]`` sectors), which their headings tell. With None for ``per_epoch``, an epoch has
     as many batches of the first size as the scans fill.
+
+    From epoch ``hard_from`` on (counted from 0), a share ``hard`` of the pairs are hard negatives
+    of the pair before: the most similar of ``candidates`` random scans at other places, by
+    descriptors that the network computes before each epoch.
     """
 
     loss_type = ScanBatchLoss
@@ -162,8 +167,14 @@ class BatchHardScheme(TrainingScheme):
     positive_radius: float = 2.0
     negative_radius: float = 10.0
     turned: bool = True
+    hard: float = 0.0
+    hard_from: int = 3
+    candidates: int = 100
 
     def __post_init__(self) -> None:
+        checks.share("sampling.hard", self.hard)
+        checks.count("sampling.hard_from", self.hard_from, 0)
+        checks.count("sampling.candidates", self.candidates)
         if checks.count("sampling.size", self.size, 4) % 2:
             raise ConfigError(
                 f"sampling.size: {self.size}, expected an even number, since a batch is pairs"
@@ -194,6 +205,7 @@ class ScanBatchSet(TrainingSet[ScanBatch]):
         self.sectors = scans.rasters.raster.sectors if scheme.turned else 0
         self.points = scans.points
         self.near = within(self.points, scheme.positive_radius)
+        self.vectors: Tensor | None = None
         self.anchors = np.array(
             [k for k, near in enumerate(self.near) if len(near) > 1], dtype=np.int64
         )
@@ -207,6 +219,12 @@ class ScanBatchSet(TrainingSet[ScanBatch]):
     def __len__(self) -> int:
         """Batches per epoch."""
         return self.scheme.per_epoch or max(1, len(self.scans) // self.scheme.size)
+
+    def before_epoch(self, epoch: int, method: NetworkMethod) -> None:
+        """Describe all training scans with the current weights, to find hard negatives."""
+        if self.scheme.hard and epoch >= self.scheme.hard_from:
+            descriptors = describe_all(method, self.scans.rasters)
+            self.vectors = method.vectors(descriptors).float().cpu()
 
     def after_epoch(self, parts: Mapping[str, float]) -> None:
         """Grow the batches if the share of ``active`` triplets was small."""
@@ -246,15 +264,32 @@ class ScanBatchSet(TrainingSet[ScanBatch]):
         return ScanBatch(rasters, *masks, orientations)
 
     def sample(self, rng: np.random.Generator) -> NDArray[np.int64]:
-        """Distinct scan numbers of a batch: anchors in random order, each with a partner."""
+        """Distinct scan numbers of a batch: anchors, each with a partner of its place."""
         scans: dict[int, None] = {}
-        for anchor in rng.permutation(self.anchors):
-            if int(anchor) in scans:
-                continue
-            free = [k for k in self.near[anchor].tolist() if k != anchor and k not in scans]
-            if not free:
-                continue
-            scans |= {int(anchor): None, int(rng.choice(free)): None}
-            if len(scans) >= self.size:
+        anchors = iter(rng.permutation(self.anchors).tolist())
+        last: int | None = None
+        while len(scans) < self.size:
+            anchor = None if last is None else self._alike(last, rng)
+            last = None
+            if anchor is None or anchor in scans:
+                anchor = next(anchors, None)
+            if anchor is None:
                 break
+            free = [k for k in self.near[anchor].tolist() if k != anchor and k not in scans]
+            if anchor in scans or not free:
+                continue
+            scans |= {anchor: None, int(rng.choice(free)): None}
+            last = anchor
         return np.fromiter(scans, dtype=np.int64)
+
+    def _alike(self, scan: int, rng: np.random.Generator) -> int | None:
+        """A hard negative of a scan; None where chance wants none, or none is known."""
+        if self.vectors is None or rng.random() >= self.scheme.hard:
+            return None
+        pool = rng.choice(self.anchors, min(self.scheme.candidates, len(self.anchors)), False)
+        apart = np.linalg.norm(self.points[pool] - self.points[scan], axis=1)
+        pool = pool[apart > self.scheme.negative_radius]
+        if not len(pool):
+            return None
+        distances = torch.cdist(self.vectors[scan][None], self.vectors[pool])[0]
+        return int(pool[int(distances.argmin())])

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import lightning as L
+import numpy as np
 import torch
 from torch.utils.data import DataLoader
 
@@ -108,7 +109,12 @@ class PlaceDataModule(L.LightningDataModule):
             self.cache, split.query, self.raster, f"{dataset.name}: validation queries"
         )
         every = slice(None)
-        return RetrievalBatch(d[every], q[every], distances_between(query.positions, database))
+        distances = distances_between(query.positions, database)
+        if split.before is not None:  # a place that is too recent is nowhere near
+            before = split.before[np.searchsorted(split.query.indices, query.indices)]
+            recent = torch.from_numpy(database.indices >= before[:, None])
+            distances = distances.masked_fill(recent, torch.inf)
+        return RetrievalBatch(d[every], q[every], distances)
 
     def train_dataloader(self) -> DataLoader[Any]:
         """The batches of an epoch; each distributed process has its own."""

@@ -79,6 +79,7 @@ class PlaceModule(L.LightningModule):
         database = describe_all(self.method, batch.database)
         query = describe_all(self.method, batch.query)
         scores = self.method.compare(query, database).score
+        scores = scores.masked_fill(batch.distances.isinf(), -torch.inf)  # too recent: not compared
         name = self.validation[dataloader_idx]
         for label, metrics in (("recall@1", self.recalls), ("auc", self.aucs)):
             metric = cast("Metric", metrics[dataloader_idx])

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from deepring.simulation.furnish import park
+from deepring.simulation.furnish import occupied, park
 from deepring.simulation.measures import LOWEST_CEILING
-from deepring.simulation.shapes import DATABASE, QUERY, PointClass
+from deepring.simulation.shapes import PointClass
 from deepring.simulation.yard import StreetSide, Yard
 
 _CLEAR = (LOWEST_CEILING["tunnels"], 3.1)  # height of the ceiling
@@ -103,7 +103,6 @@ def _park_bays(side: StreetSide, span: tuple[float, float], reach: float, cars: 
     away = near + _BAY[1] / 2
     while away + _BAY[1] / 2 < reach:
         for along in np.arange(span[0] + 2.0, span[1] - 1.0, _BAY[0]):
-            for session in (DATABASE, QUERY):
-                if cars.chance(cars.settings.parking_share):
-                    park(side.at(float(along), away), across, cars, session)
+            for sessions in occupied(cars):
+                park(side.at(float(along), away), across, cars, sessions)
         away += _BAY[1] + _LANE

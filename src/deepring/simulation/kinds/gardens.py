@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from deepring.simulation.furnish import park
+from deepring.simulation.furnish import occupied, park
 from deepring.simulation.kinds.houses import VILLA, draw_house, place_house
-from deepring.simulation.shapes import DATABASE, QUERY, PointClass
+from deepring.simulation.shapes import PointClass
 from deepring.simulation.yard import StreetSide, Yard
 
 _BORDERS = ("hedge", "hedge", "wall", "fence", "fence", "open")
@@ -81,11 +81,9 @@ def _place_drive(
         yard.box(place, size, side.yaw, PointClass.BUILDING, yard.between(0.3, 0.7))
     if back - line < 5.2:
         return
-    for session in (DATABASE, QUERY):
-        if cars.chance(0.7 * cars.settings.parking_share):
-            away = cars.between(line + 2.6, back - 2.6)
-            turned = StreetSide(side.start, side.away, side.along, 0.0)
-            park(side.at(along, away), turned.yaw, cars, session)
+    across = StreetSide(side.start, side.away, side.along, 0.0).yaw
+    for sessions in occupied(cars, 0.7):
+        park(side.at(along, cars.between(line + 2.6, back - 2.6)), across, cars, sessions)
 
 
 def _plant(

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from deepring.simulation.furnish import park, place_tree
+from deepring.simulation.furnish import occupied, park, place_tree
 from deepring.simulation.kinds.gardens import border, bush
-from deepring.simulation.shapes import DATABASE, QUERY, PointClass
+from deepring.simulation.shapes import PointClass
 from deepring.simulation.yard import StreetSide, Yard
 
 Span = tuple[float, float]
@@ -59,8 +59,7 @@ def _place_car_park(side: StreetSide, span: Span, line: float, yard: Yard, cars:
     for row in range(rows):
         away = line + 3.0 + 11.0 * row
         for along in np.arange(span[0] + 1.5, span[1] - 1.0, _BAY):
-            for session in (DATABASE, QUERY):
-                if cars.chance(cars.settings.parking_share):
-                    park(side.at(float(along), away), across, cars, session)
+            for sessions in occupied(cars):
+                park(side.at(float(along), away), across, cars, sessions)
     back = line + 6.5 + 11.0 * (rows - 1)
     border(side.at(sum(span) / 2, back), span[1] - span[0], side.yaw, "hedge", yard)
