@@ -13,9 +13,10 @@ from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.spacing import sample_by_distance
 from deepring.simulation.ground import Ground, rolling_ground
 from deepring.simulation.mounting import sensor_of
+from deepring.simulation.presets import preset
 from deepring.simulation.scene import Scene
 from deepring.simulation.sensors import scan
-from deepring.simulation.settings import SimulationSettings, preset
+from deepring.simulation.settings import SimulationSettings
 from deepring.simulation.shapes import PrismList, Prisms
 from deepring.simulation.world import moving_objects
 

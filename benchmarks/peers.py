@@ -24,7 +24,7 @@ from deepring.cli.process import tune_process
 from deepring.errors import DeepringError
 from deepring.io.files import replacing
 from deepring.methods.network_file import load_network
-from deepring.simulation.settings import preset, with_knobs
+from deepring.simulation.presets import preset, with_knobs
 from deepring.simulation.simulate import simulate
 
 #: Package, and the module that it brings.

@@ -33,8 +33,9 @@ from deepring.methods.method import Method, describe_all
 from deepring.methods.network_file import load_network
 from deepring.methods.ring import Ring
 from deepring.progress import progress_bar
+from deepring.simulation.presets import custom, with_knobs
 from deepring.simulation.sensor_models import SENSORS
-from deepring.simulation.settings import SimulationSettings, custom, with_knobs
+from deepring.simulation.settings import SimulationSettings
 from deepring.simulation.simulate import session_names, simulate
 
 RADIUS = 10.0

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from deepring.simulation.settings import tiny
+from deepring.simulation.presets import tiny
 from deepring.simulation.simulate import simulate
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from deepring.cli.process import tune_process
 from deepring.experiment.train import train
-from deepring.simulation.settings import nclt
+from deepring.simulation.presets import nclt
 from deepring.simulation.simulate import simulate
 
 

@@ -8,9 +8,9 @@ import pytest
 
 from deepring.core.rigid import pose_from
 from deepring.simulation.mounting import hdl32e_upside_down
+from deepring.simulation.presets import nclt, tiny
 from deepring.simulation.scene import Scene
 from deepring.simulation.sensors import scan
-from deepring.simulation.settings import nclt, tiny
 from deepring.simulation.shapes import PointClass, PrismList
 from helpers.scenes import flat_ground
 

@@ -9,8 +9,8 @@ import pytest
 from deepring.core.rigid import yaw_of
 from deepring.data.regions import parse_region
 from deepring.simulation.drive import plan_drives
+from deepring.simulation.presets import mulran, nclt, preset
 from deepring.simulation.routes import database_route, opposed_share, query_route
-from deepring.simulation.settings import mulran, nclt, preset
 from deepring.simulation.shapes import BOTH, DATABASE, QUERY
 from deepring.simulation.split import REGIONS, UTM_ORIGIN
 from deepring.simulation.streets import clearance, street_grid

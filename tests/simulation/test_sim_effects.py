@@ -13,12 +13,12 @@ from deepring.simulation.label_files import label_path
 from deepring.simulation.manifest import NAME
 from deepring.simulation.mounting import sensor_of
 from deepring.simulation.patterns import SWEEP
+from deepring.simulation.presets import custom, nclt, tiny, with_knobs
 from deepring.simulation.rain import extinction
 from deepring.simulation.raycast import Fan
 from deepring.simulation.scene import Scene
 from deepring.simulation.sensor_models import SENSORS
 from deepring.simulation.sensors import scan, scan_in_motion
-from deepring.simulation.settings import custom, nclt, tiny, with_knobs
 from deepring.simulation.shapes import PointClass, PrismList
 from deepring.simulation.simulate import session_names, simulate
 from helpers.raycasts import random_prisms, reference

@@ -7,9 +7,9 @@ import pytest
 
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.simulation.mounting import hdl32e_upside_down, os1_64
+from deepring.simulation.presets import nclt, tiny
 from deepring.simulation.scene import Scene
 from deepring.simulation.sensors import scan
-from deepring.simulation.settings import nclt, tiny
 from deepring.simulation.shapes import PrismList
 from deepring.simulation.world import moving_objects
 from helpers.scenes import flat_ground

@@ -8,10 +8,10 @@ import pytest
 from deepring.data.readers import open_session
 from deepring.errors import ConfigError
 from deepring.simulation.mounting import sensor_of
+from deepring.simulation.presets import custom, nclt, tiny, with_knobs
 from deepring.simulation.scene import Scene
 from deepring.simulation.sensor_models import SENSORS
 from deepring.simulation.sensors import scan
-from deepring.simulation.settings import custom, nclt, tiny, with_knobs
 from deepring.simulation.shapes import PrismList
 from deepring.simulation.simulate import session_names, simulate
 from helpers.cli import deepring

@@ -10,7 +10,8 @@ import pytest
 
 from deepring.errors import DeepringError
 from deepring.simulation.manifest import NAME, claim
-from deepring.simulation.settings import SimulationSettings, preset, tiny, with_knobs
+from deepring.simulation.presets import preset, tiny, with_knobs
+from deepring.simulation.settings import SimulationSettings
 from deepring.simulation.simulate import session_names, simulate
 
 FEW = {name: replace(tiny(name), scan_spacing=25.0) for name in ("nclt", "mulran")}

@@ -16,10 +16,10 @@ from deepring.simulation.kinds.houses import TERRACE, TOWN, place_row
 from deepring.simulation.kinds.repeating import draw_pattern, repeat
 from deepring.simulation.kinds.tunnels import place_tunnel
 from deepring.simulation.measures import MEASURES, WorldKind
+from deepring.simulation.presets import in_world, mulran, nclt, preset, tiny, with_knobs
 from deepring.simulation.raycast import Fan, cast
 from deepring.simulation.routes import database_route, query_route
 from deepring.simulation.scene import Scene
-from deepring.simulation.settings import in_world, mulran, nclt, preset, tiny, with_knobs
 from deepring.simulation.shapes import BOTH, DATABASE, QUERY, PointClass, PrismList
 from deepring.simulation.simulate import simulate
 from deepring.simulation.streets import clearance, street_grid

@@ -9,9 +9,9 @@ from deepring.simulation.mounting import hdl32e_upside_down, os1_64
 from deepring.simulation.mulran_writer import write_scan as write_mulran
 from deepring.simulation.nclt_writer import ground_truth
 from deepring.simulation.nclt_writer import write_scan as write_nclt
+from deepring.simulation.presets import tiny
 from deepring.simulation.scene import Scene
 from deepring.simulation.sensors import Sweep
-from deepring.simulation.settings import tiny
 from deepring.simulation.simulate import simulate
 from deepring.simulation.split import UTM_ORIGIN
 

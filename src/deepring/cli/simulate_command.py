@@ -8,7 +8,8 @@ from deepring.cli.console import console
 from deepring.cli.options import expect_folder
 from deepring.errors import ConfigError
 from deepring.progress import progress_bar
-from deepring.simulation.settings import SimulationSettings, preset, with_knobs
+from deepring.simulation.presets import preset, with_knobs
+from deepring.simulation.settings import SimulationSettings
 from deepring.simulation.simulate import simulate
 
 

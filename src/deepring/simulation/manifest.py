@@ -5,7 +5,8 @@ from pathlib import Path, PurePath
 
 from deepring.errors import FileError
 from deepring.io.files import part_of, write_whole
-from deepring.simulation.settings import SimulationSettings, preset
+from deepring.simulation.presets import preset
+from deepring.simulation.settings import SimulationSettings
 from deepring.text import shown
 
 #: Increases with each change that alters the bytes of a simulation.

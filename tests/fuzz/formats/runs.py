@@ -21,7 +21,7 @@ from deepring.paper.ablation_tables import shown_table
 from deepring.paper.comparison import compare, is_comparison
 from deepring.paper.comparison_tables import shown_tables
 from deepring.simulation.manifest import claim
-from deepring.simulation.settings import tiny
+from deepring.simulation.presets import tiny
 from deepring.simulation.simulate import simulate
 from fuzz.decoders.run_files import CONFIG, MATCHES, RUN, stated_run
 from fuzz.files import Files, Format, Mutation, read_back
