@@ -20,6 +20,12 @@ def tiny_nclt(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def tiny_custom(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A few streets in the layout of any sensor."""
+    return simulate(tiny("custom"), tmp_path_factory.mktemp("simulated") / "custom")
+
+
+@pytest.fixture(scope="session")
 def tiny_mulran(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A few streets in MulRan's layout."""
     return simulate(tiny("mulran"), tmp_path_factory.mktemp("simulated") / "mulran")

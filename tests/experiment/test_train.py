@@ -17,7 +17,16 @@ from deepring.experiment.train import train
 from deepring.methods.network_file import load_network
 from helpers.small_training import SMALL, TINY_DATA
 
-EXPERIMENTS = sorted(path.stem for path in (config_folder() / "experiment").glob("*.yaml"))
+#: The experiments that train, by the command in their second line.
+EXPERIMENTS = sorted(
+    path.stem
+    for path in (config_folder() / "experiment").glob("*.yaml")
+    if path.read_text().splitlines()[1].startswith("# deepring train ")
+)
+WORLDS = [
+    (line.split()[0], line.split()[1].removeprefix("world="))
+    for line in (config_folder() / "worlds" / "weights.txt").read_text().splitlines()
+]
 
 #: How each experiment is pointed at small data; the fixtures' folders are filled in.
 POINTED = {
@@ -33,10 +42,9 @@ POINTED = {
     ],
     "weights": [
         f"train_data.{world}_{seed}.{key}={value}"
-        for world, root in (("campus", "{tiny_nclt}"), ("city", "{tiny_mulran}"))
-        for seed in range(100, 106)
+        for seed, world in WORLDS
         for key, value in (
-            ("root", root),
+            ("root", "{tiny_custom}/drive.yaml"),
             ("regions.validation_share", 0.3),
             ("regions.margin", 1),
             ("spacing.train", 1),
@@ -62,9 +70,8 @@ POINTED = {
 
 
 def pointed(experiment, request):
-    roots = {
-        name: request.getfixturevalue(name) for name in ("tiny_nclt", "tiny_mulran", "tiny_kitti")
-    }
+    names = ("tiny_nclt", "tiny_mulran", "tiny_custom", "tiny_kitti")
+    roots = {name: request.getfixturevalue(name) for name in names}
     return [override.format(**roots) for override in POINTED[experiment]]
 
 
