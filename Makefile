@@ -83,7 +83,7 @@ weights: install
 	    train_columns=3 test_columns=2 $$city || exit; \
 	done
 	$(BIN)/deepring train experiment=weights
-	$(BIN)/python benchmarks/localization.py --checkpoint outputs/weights/latest/checkpoints/best.ckpt \
+	$(BIN)/python benchmarks/localization.py --checkpoint outputs/weights/latest/checkpoints/last.ckpt \
 	  --whole --every 2 --calibrate 0.998 sim_nclt=outputs/datasets/weights_nclt_110 \
 	  sim_nclt=outputs/datasets/weights_nclt_111 sim_mulran=outputs/datasets/weights_mulran_110 \
 	  sim_mulran=outputs/datasets/weights_mulran_111

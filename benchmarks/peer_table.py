@@ -1,11 +1,11 @@
 """Rows of the comparison with peers, as Markdown and CSV."""
 
 import csv
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+from deepring.evaluation.intervals import wilson
 from deepring.io.files import replacing
 
 
@@ -18,12 +18,7 @@ class Share:
 
     @property
     def interval(self) -> tuple[float, float]:
-        if not self.of:
-            return 0.0, 1.0
-        z, p = 1.959964, self.good / self.of
-        middle = (p + z**2 / (2 * self.of)) / (1 + z**2 / self.of)
-        half = z * math.sqrt(p * (1 - p) / self.of + z**2 / (4 * self.of**2)) / (1 + z**2 / self.of)
-        return max(0.0, middle - half), min(1.0, middle + half)
+        return wilson(self.good / self.of if self.of else 0.0, self.of)
 
     def __str__(self) -> str:
         if not self.of:

@@ -36,6 +36,7 @@ from scipy.stats import chi2
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.readers import list_sessions, open_session
 from deepring.data.session import Session
+from deepring.evaluation.intervals import wilson
 from deepring.localization.registration.pose_covariance import in_sensor_frame
 from deepring.localization.registration.refinement import (
     RefinementSettings,
@@ -268,10 +269,8 @@ def share(distances: list[float], freedom: int) -> str:
     """Share within the 95 % region, and its Wilson interval."""
     n = len(distances)
     inside = sum(value < chi2.ppf(0.95, freedom) for value in distances)
-    z, p = 1.96, inside / n
-    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    return f"{p:.3f} ({max(middle - half, 0):.2f} to {min(middle + half, 1):.2f})"
+    low, high = wilson(inside / n, n)
+    return f"{inside / n:.3f} ({low:.2f} to {high:.2f})"
 
 
 if __name__ == "__main__":

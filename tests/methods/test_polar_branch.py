@@ -15,7 +15,6 @@ from deepring.methods.deepring.real_form import RealDeepRing
 from deepring.methods.network_file import (
     describe_network,
     make_network,
-    shipped_network,
     weights_of,
 )
 from deepring.rasters import BevRaster, PolarRaster, raster_settings
@@ -79,7 +78,6 @@ def test_settings_from_before_have_none():
     values = settings(polar=None).to_dict()
     del values["polar"]
     assert DeepRingSettings.from_dict(values) == settings(polar=None)
-    assert shipped_network().method.settings.polar is None
 
 
 def test_the_settings_and_weights_travel():
