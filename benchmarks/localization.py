@@ -7,7 +7,8 @@ Each DATA=FOLDER is a file of conf/data: its test region (the whole drive where 
 two sessions or a drive's first passes and revisits, its spacings. Right is within 2 m and 5°.
 --blind takes a sector of each query away, at a random angle. --sector leaves one of each query,
 as a sensor of that field of view has: forward, or with --sideways at a random angle; --map-sector
-leaves one of each place, forward. The usual thresholds are judged.
+leaves one of each place, forward. The usual thresholds are judged. "Alone" is
+the first stage, the descriptors: Recall@1 within 10 m, over the queries near a place.
 --calibrate prints those that reach a precision on all of them together and as many scans that are
 nowhere in the map: each dataset's queries in the map of another one of its kind.
 """
@@ -81,6 +82,19 @@ def queries(scans: ScanSet, sector: float, sideways: bool, seed: int) -> Iterato
         yield turn_points(points, float(turn)), scans.session.poses[k] @ sensor
 
 
+def first_stage(place_map: Map, scans: list) -> float:
+    """Recall@1 of descriptors alone within 10 m, over the scans near a place."""
+    every = torch.arange(len(place_map))
+    places = place_map.places.planar_poses(every)[:, :2].numpy()
+    right = []
+    for points, pose in scans:
+        away = np.linalg.norm(places - pose[:2, 3], axis=1)
+        if away.min() <= 10:
+            hits = place_map.index.search(place_map.observe([points]).descriptors, 1)
+            right.append(away[int(hits.place[0, 0])] <= 10)
+    return float(np.mean(right))
+
+
 def elsewhere(maps: list[tuple[str, Map, list]]) -> Iterator[LocalizationTrials]:
     """Queries looked up where they cannot be right, in the map of the next dataset of the kind."""
     for k, (name, _, scans) in enumerate(maps):
@@ -92,13 +106,18 @@ def elsewhere(maps: list[tuple[str, Map, list]]) -> Iterator[LocalizationTrials]
 
 
 def row(
-    name: str, trials: LocalizationTrials, thresholds: AcceptanceThresholds, seconds: float
+    name: str,
+    trials: LocalizationTrials,
+    thresholds: AcceptanceThresholds,
+    seconds: float,
+    alone: float = float("nan"),
 ) -> str:
     right, near = trials.correct(Tolerance()), trials.nearest <= 10
     calibration = evaluate_thresholds(trials, thresholds)
     place = trials.metres[near] < 10
     return (
-        f"| {name} | {len(right)} | {np.mean(place):.3f} | {np.mean(right[near][place]):.3f} | "
+        f"| {name} | {len(right)} | {alone:.3f} | {np.mean(place):.3f} | "
+        f"{np.mean(right[near][place]):.3f} | "
         f"{np.median(trials.metres[right]):.2f} | {np.median(trials.degrees[right]):.2f} | "
         f"{calibration.precision:.3f} | {calibration.recall:.3f} | {seconds * 1e3:.0f} |"
     )
@@ -120,8 +139,8 @@ def main() -> None:
     args = parser.parse_args()
     torch.set_num_threads(1)
     network = load_network(args.checkpoint).method
-    print("| | queries | within 10 m | of them right | m | ° | precision | recall | ms |")
-    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    print("| | queries | alone | within 10 m | of them right | m | ° | precision | recall | ms |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     sector, sideways = min(args.sector, 360 - args.blind), args.sideways or args.blind > 0
     every, maps = [], []
     for item in args.data:
@@ -134,7 +153,8 @@ def main() -> None:
         started = time.perf_counter()
         every.append(run_trials(place_map, scans))
         seconds = (time.perf_counter() - started) / len(scans)
-        print(row(Path(root).name, every[-1], AcceptanceThresholds(), seconds), flush=True)
+        alone = first_stage(place_map, scans)
+        print(row(Path(root).name, every[-1], AcceptanceThresholds(), seconds, alone), flush=True)
     if args.calibrate:
         print(calibrate(concatenate([*every, *elsewhere(maps)]), args.calibrate))
 
