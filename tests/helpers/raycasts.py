@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from deepring.simulation.raycast import Fan
+from deepring.simulation.fan import Fan
 from deepring.simulation.shapes import PrismList, Prisms
 
 

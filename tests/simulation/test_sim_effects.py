@@ -9,13 +9,13 @@ import pytest
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.readers import open_session
 from deepring.errors import ConfigError
+from deepring.simulation.fan import Fan
 from deepring.simulation.label_files import label_path
 from deepring.simulation.manifest import NAME
 from deepring.simulation.mounting import sensor_of
 from deepring.simulation.patterns import SWEEP
 from deepring.simulation.presets import custom, nclt, tiny, with_knobs
 from deepring.simulation.rain import extinction
-from deepring.simulation.raycast import Fan
 from deepring.simulation.scene import Scene
 from deepring.simulation.sensor_models import SENSORS
 from deepring.simulation.sensors import scan, scan_in_motion

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from deepring.simulation.fan import Fan
 from deepring.simulation.ground import rolling_ground
-from deepring.simulation.raycast import GROUND, NOTHING, Fan, cast
+from deepring.simulation.raycast import GROUND, NOTHING, cast
 from deepring.simulation.shapes import PrismList
 from helpers.raycasts import random_prisms, reference
 from helpers.scenes import flat_ground

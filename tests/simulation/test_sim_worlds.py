@@ -11,13 +11,14 @@ import pytest
 from deepring.core.rigid import pose_from
 from deepring.errors import ConfigError
 from deepring.simulation.drive import plan_drives
+from deepring.simulation.fan import Fan
 from deepring.simulation.kinds.decks import place_deck
 from deepring.simulation.kinds.houses import TERRACE, TOWN, place_row
 from deepring.simulation.kinds.repeating import draw_pattern, repeat
 from deepring.simulation.kinds.tunnels import place_tunnel
 from deepring.simulation.measures import MEASURES, WorldKind
 from deepring.simulation.presets import in_world, mulran, nclt, preset, tiny, with_knobs
-from deepring.simulation.raycast import Fan, cast
+from deepring.simulation.raycast import cast
 from deepring.simulation.routes import database_route, query_route
 from deepring.simulation.scene import Scene
 from deepring.simulation.shapes import BOTH, DATABASE, QUERY, PointClass, PrismList

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.core.rigid import yaw_of
-from deepring.simulation.raycast import Fan
+from deepring.simulation.fan import Fan
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

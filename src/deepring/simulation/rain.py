@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.simulation.raycast import NOTHING, Fan
+from deepring.simulation.fan import Fan
+from deepring.simulation.raycast import NOTHING
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

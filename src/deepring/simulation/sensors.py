@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.simulation.fan import Fan
 from deepring.simulation.ground import Ground
 from deepring.simulation.mounting import Sensor
 from deepring.simulation.patterns import SWEEP, Hits, Pattern, Revolution, Shots
 from deepring.simulation.rain import through_rain
-from deepring.simulation.raycast import Fan, cast
+from deepring.simulation.raycast import cast
 from deepring.simulation.settings import SimulationSettings
 from deepring.simulation.shapes import PointClass, Prisms
 
