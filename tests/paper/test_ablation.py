@@ -12,7 +12,8 @@ from deepring.evaluation.case import Case
 from deepring.paper.ablation import ablation_tables
 from deepring.paper.ablation_results import collect_rows
 from deepring.paper.ablation_tables import number_table, shown_table
-from deepring.paper.seed_groups import ABOUT_INTERVALS, Run, mean_text, varied
+from deepring.paper.seed_groups import ABOUT_INTERVALS, Run, varied
+from deepring.paper.seed_words import mean_text
 from helpers.results import result_of, without_intervals
 
 LOSSES = "deepring.training.episodes."

@@ -22,17 +22,8 @@ from deepring.paper.paper_values import (
     paper_recall,
     paper_recall_at_ways,
 )
-from deepring.paper.seed_groups import (
-    ABOUT_INTERVALS,
-    Run,
-    SeedGroup,
-    about_lacking,
-    about_means,
-    sample_deviation,
-    seeds_of,
-    varied,
-    within,
-)
+from deepring.paper.seed_groups import ABOUT_INTERVALS, Run, SeedGroup, seeds_of, varied, within
+from deepring.paper.seed_words import about_lacking, about_means, sample_deviation
 from deepring.reports.table import NONE
 
 Name = Literal["table3", "table4", "ablation"]

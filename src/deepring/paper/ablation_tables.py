@@ -5,7 +5,8 @@ from collections.abc import Iterable, Sequence
 
 from deepring.paper.ablation import CLASSES, GROUP, AblationTable, Entry, by_size
 from deepring.paper.paper_values import WAYS
-from deepring.paper.seed_groups import mean_text, same_seeds, sample_deviation, seeds_of, varied
+from deepring.paper.seed_groups import same_seeds, seeds_of, varied
+from deepring.paper.seed_words import mean_text, sample_deviation
 from deepring.reports.table import NONE, Cell, Table, best_bold, full_text, rate_text
 
 _METRICS = ("recall_1", "f1_max", "auc", "ap")

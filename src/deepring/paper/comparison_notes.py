@@ -4,7 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from deepring.paper.comparison import Block, Name, paper_of
 from deepring.paper.paper_values import family, slip
-from deepring.paper.seed_groups import about_lacking, about_means, listed, seeds_of
+from deepring.paper.seed_groups import seeds_of
+from deepring.paper.seed_words import about_lacking, about_means, listed
 
 
 def block_notes(name: Name, blocks: Sequence[Block]) -> list[str]:

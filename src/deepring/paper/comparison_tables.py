@@ -10,14 +10,8 @@ from deepring.evaluation.results import RECALLS
 from deepring.paper.comparison import Block, MethodComparison, Name, paper_of
 from deepring.paper.comparison_notes import about_groups, block_notes, remark_notes
 from deepring.paper.paper_values import Rates, place_of
-from deepring.paper.seed_groups import (
-    ABOUT_INTERVALS,
-    SeedGroup,
-    mean_text,
-    same_seeds,
-    sample_deviation,
-    seeds_of,
-)
+from deepring.paper.seed_groups import ABOUT_INTERVALS, SeedGroup, same_seeds, seeds_of
+from deepring.paper.seed_words import mean_text, sample_deviation
 from deepring.reports.table import NONE, Cell, Table, best_bold, full_text, rate_text, short_text
 
 _TITLES: dict[Name, str] = {

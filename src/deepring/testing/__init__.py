@@ -6,10 +6,7 @@ def test_mine():
     check_method(Mine())
 """
 
-import json
 import math
-import tempfile
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -17,30 +14,20 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring.core.rigid import turn_points
-from deepring.evaluation.fingerprint import fingerprint, first_difference
-from deepring.methods.method import Method, index_of, rebuild_method
-from deepring.methods.network import NetworkMethod
-from deepring.methods.network_file import TrainedNetwork, read_network, write_network
+from deepring.methods.method import Method
+from deepring.testing.failure import TOLERANCE, away, difference
+from deepring.testing.failure import MethodError as MethodError
+from deepring.testing.storage import check_file as check_file
+from deepring.testing.storage import check_index as check_index
 
 #: Number of simulated scans, used when the caller passes no rasters.
 SCANS = 8
-
-#: Tolerance of scores relative to the largest: sums differ slightly with the batch size.
-TOLERANCE = 1e-4
 
 #: Tolerance of turns, radians: less than half the distance to the opposite turn, also modulo π.
 TURN_TOLERANCE = math.radians(25)
 
 #: The turn that a method must find, radians: a whole number of sectors of common rasters.
 TURN = math.radians(60)
-
-
-class MethodError(AssertionError):
-    """Raised for a property that a method lacks; the message says by how much."""
-
-    def __init__(self, property: str, message: str) -> None:
-        super().__init__(f"{property}: {message}")
-        self.property = property
 
 
 def check_method(method: Method, rasters: Tensor | None = None, seed: int = 0) -> dict[str, str]:
@@ -139,13 +126,13 @@ def check_shapes(method: Method, rasters: Tensor) -> Tensor:
 
 def check_determinism(method: Method, rasters: Tensor, descriptors: Tensor) -> None:
     """Assert that descriptors repeat, for the same batch and for one scan at a time."""
-    error = _difference(method.describe(rasters), descriptors)
+    error = difference(method.describe(rasters), descriptors)
     if error > 0:
         raise MethodError(
             "determinism", f"described twice, descriptors differ by {error:.3g}, expected 0"
         )
     single = torch.cat([method.describe(rasters[k : k + 1]) for k in range(len(rasters))])
-    error = _difference(single, descriptors)
+    error = difference(single, descriptors)
     if not error <= TOLERANCE:
         raise MethodError(
             "determinism",
@@ -221,7 +208,7 @@ def check_turn(method: Method, seed: int = 0) -> str:
         [_turn_of(method, query, entry) for query, entry in zip(queries, entries, strict=True)]
     )
     right, opposite = (
-        int((_away(turns - turn, period) <= TURN_TOLERANCE).sum()) for turn in (TURN, -TURN)
+        int((away(turns - turn, period) <= TURN_TOLERANCE).sum()) for turn in (TURN, -TURN)
     )
     if 2 * right > len(turns):
         return ""
@@ -235,109 +222,7 @@ def check_turn(method: Method, seed: int = 0) -> str:
     )
 
 
-def check_index(method: Method, descriptors: Tensor) -> str:
-    """Assert that the method's index agrees with `compare` in scores, order and turns.
-
-    Returns ''.
-    """
-    half = len(descriptors) // 2
-    queries, database = descriptors[::2], descriptors
-    index = index_of(method)
-    index.add(database[:half])
-    index.add(database[half:])
-    if len(index) != len(database):
-        raise MethodError("index", f"holds {len(index)} of {len(database)} places that were added")
-    score, turn = method.compare(queries, database)
-    hits = index.search(queries, len(database))
-    slack = TOLERANCE * float(score.abs().max())
-    # A method may compare only some entries with a query and give the rest one lowest score.
-    width = hits.place.shape[1]
-    best = score.sort(dim=1, descending=True).values[:, :width]
-    error = float((hits.score - best).abs().max())
-    if width < 1 or not error <= slack:
-        raise MethodError(
-            "index",
-            f"the best {width} scores differ by {error:.3g} from those of compare, expected at "
-            f"most {slack:.3g}",
-        )
-    error = float((hits.score - score.gather(1, hits.place)).abs().max())
-    if not error <= slack:
-        raise MethodError(
-            "index",
-            f"the scores of its places differ by {error:.3g} from those of compare for the same "
-            f"places, expected at most {slack:.3g}",
-        )
-    if (turn is None) != (hits.turn is None):
-        with_turn, without = (
-            ("compare", "the index") if hits.turn is None else ("the index", "compare")
-        )
-        raise MethodError("index", f"{with_turn} returns turns, but {without} does not")
-    if turn is not None and hits.turn is not None:
-        period = float(getattr(method, "turn_period", 2 * math.pi))
-        errors = _away(hits.turn - turn.gather(1, hits.place), period).nan_to_num()
-        first = float(errors[:, 0].max())  # for lower ranks two shifts may be equally good
-        if first > 1e-3:
-            raise MethodError(
-                "index",
-                f"the turn of the best place differs by {first:.3g} rad from compare's, modulo "
-                f"{period:.3g}",
-            )
-    return ""
-
-
-def check_file(method: Method, rasters: Tensor, descriptors: Tensor) -> str:
-    """Assert that the method survives being written to a file and read again.
-
-    A network read from its file must give the same descriptors. Other methods are rebuilt from
-    their fingerprint and must give the same scores. Returns why the check does not apply, or ''.
-    """
-    if isinstance(method, NetworkMethod):
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "network.safetensors"
-            write_network(path, TrainedNetwork(method, "", ""))
-            network = read_network(path, type(method)).method
-        error = _difference(network.describe(rasters), descriptors)
-        if error > 0:
-            raise MethodError(
-                "file",
-                f"read from a file, the network returns descriptors that differ by {error:.3g} of "
-                "the largest number, expected 0",
-            )
-        return ""
-    if not hasattr(type(method), "from_fingerprint"):
-        return "the class has no from_fingerprint, so its exports can be scored in Python only"
-    origin = json.loads(json.dumps(fingerprint(method)))
-    copy = rebuild_method(origin, type(method))
-    difference = first_difference(origin, fingerprint(copy))
-    if difference is not None:
-        key, before, after = difference
-        raise MethodError(
-            "file", f"rebuilt from its fingerprint, {key} is {after!r}, expected {before!r}"
-        )
-    error = _difference(
-        copy.compare(descriptors, descriptors).score,
-        method.compare(descriptors, descriptors).score,
-    )
-    if error > 0:
-        raise MethodError(
-            "file", f"rebuilt from its fingerprint, scores differ by {error:.3g}, expected 0"
-        )
-    return ""
-
-
 def _turn_of(method: Method, query: Tensor, entry: Tensor) -> Tensor:
     turn = method.compare(query[None], entry[None]).turn
     assert turn is not None
     return turn[0]
-
-
-def _away(angle: Tensor, period: float) -> Tensor:
-    """Distance of angles from the nearest multiple of a period, radians."""
-    return (torch.remainder(angle + period / 2, period) - period / 2).abs()
-
-
-def _difference(first: Tensor, second: Tensor) -> float:
-    """Largest difference relative to the largest number; infinite where the shapes differ."""
-    if first.shape != second.shape:
-        return math.inf
-    return float((first - second).abs().max() / second.abs().max().clamp_min(1e-30))
