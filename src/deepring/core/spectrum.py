@@ -27,7 +27,8 @@ def row_dft_magnitude(
 
     Raises DataError for what is nothing like an array (..., θ, τ) of real numbers.
     """
-    return row_dft(feature).abs()
+    spectrum, weights = _row_dft(feature)
+    return spectrum.abs() * weights
 
 
 def row_dft(feature: Any) -> Complex64[Tensor, "*batch theta omega"]:
@@ -37,11 +38,19 @@ def row_dft(feature: Any) -> Complex64[Tensor, "*batch theta omega"]:
 
     Raises DataError for what is nothing like an array (..., θ, τ) of real numbers.
     """
+    spectrum, weights = _row_dft(feature)
+    return spectrum * weights
+
+
+def _row_dft(
+    feature: Any,
+) -> tuple[Complex64[Tensor, "*batch theta omega"], Float32[Tensor, " omega"]]:
+    """The spectra before they are weighted, and the weights of ω."""
     feature = real_tensor("feature", feature)
     if feature.ndim < 1 or not feature.shape[-1]:
         raise DataError(f"feature: shape {tuple(feature.shape)}, expected (..., θ, τ)")
     spectrum = fourier.rfft(feature.float(), dim=-1, norm="ortho")
-    return spectrum * _weights(feature.shape[-1]).to(spectrum.device)
+    return spectrum, _weights(feature.shape[-1]).to(spectrum.device)
 
 
 def cross_spectrum(
