@@ -36,7 +36,7 @@ _AGGREGATIONS: dict[str, dict[str, Any]] = {
     "gap": {},
     "gmp": {},
     "multi_gap": {},
-    "cross_spectra": {"gaps": [12.0, 24.0], "frequencies": 30},
+    "cross_spectra": {"gaps": [12.0], "frequencies": 30},
 }
 _SIMILARITIES = ("correlation", "l2", "cosine")
 
