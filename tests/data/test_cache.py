@@ -23,6 +23,7 @@ from deepring.data import raster_file
 from deepring.data.cache import RasterCache
 from deepring.data.packed_rasters import Rasters, pack, unpack
 from deepring.data.scan_set import ScanSet
+from deepring.data.scans.columns import PointColumn
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DeepringError
 from deepring.rasters import (
@@ -33,6 +34,7 @@ from deepring.rasters import (
     Preprocessing,
     RangeRaster,
 )
+from deepring.testing import with_columns
 
 SMALL = BevRaster(cells=24)
 reads: list[Path] = []
@@ -67,7 +69,13 @@ def session(folder, n=6, read=read_npy):
             np.save(files[-1], points)
     poses = np.tile(np.eye(4), (n, 1, 1))
     poses[:, 0, 3] = 5.0 * np.arange(n)
-    return Session("s", tuple(files), poses, poses[:, :2, 3].copy(), None, read)
+    columns = {"label": PointColumn(labels_of)}
+    xy = poses[:, :2, 3].copy()
+    return Session("s", tuple(files), poses, xy, None, read, columns=columns)
+
+
+def labels_of(path):
+    return with_columns(np.load(path), ["label"])[:, 3]
 
 
 def scan_set(folder, n=6, **changes):
@@ -90,7 +98,8 @@ def test_images_are_those_drawn_directly_first_and_again(kind, turned, tmp_path)
     direct = []
     for k, index in enumerate(scans.indices):
         points = np.load(scans.session.files[index])
-        direct.append(raster(turn_points(points, turns[k]) if turned else points, -0.5))
+        points = turn_points(points, turns[k]) if turned else points
+        direct.append(raster(with_columns(points, raster.columns), -0.5))
     for _ in range(2):
         kept, images, broken = cache.load(scans, raster)
         assert broken == ()
@@ -196,6 +205,8 @@ def changed_values(value):
         return [0.25]
     if isinstance(value, tuple):
         return [(value[0] - 1, value[1]), (value[0], value[1] + 1)]
+    if isinstance(value, str):
+        return [{"nearest": "last"}[value]]
     return [value + 2]
 
 
@@ -216,7 +227,8 @@ def test_every_changed_value_of_a_raster_is_noticed(raster, changed, tmp_path):
     cache.load(scans, raster)
     _, images, _ = cache.load(scans, changed)
     assert len(reads) == 2
-    direct = changed(np.load(scans.session.files[0]), 0.0)
+    points = with_columns(np.load(scans.session.files[0]), changed.columns)
+    direct = changed(points, 0.0)
     assert np.array_equal(images[0].numpy(), direct.astype(images[0].numpy().dtype))
     cache.load(scans, raster)  # and the first is still there
     assert len(reads) == 2

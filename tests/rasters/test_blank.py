@@ -11,6 +11,7 @@ from deepring.localization.map import Map
 from deepring.localization.observation import LEAST_CELLS
 from deepring.rasters import RASTERS, BevRaster, Preprocessing
 from deepring.rasters.blank import blank_reason
+from deepring.testing import with_columns
 from helpers.networks import small_network
 from helpers.scenes import scattered
 
@@ -63,8 +64,9 @@ def test_what_shows_enough_is_described():
 @pytest.mark.parametrize("kind", RASTERS)
 def test_every_raster_knows_when_it_is_blank(kind):
     raster = RASTERS[kind]()
-    assert raster.is_blank(raster(SCENE + np.float32([1000, 0, 0]), 0.0))
-    assert not raster.is_blank(raster(SCENE_AND_FLOOR, -1.7))
+    far = with_columns(SCENE + np.float32([1000, 0, 0]), raster.columns)
+    assert raster.is_blank(raster(far, 0.0))
+    assert not raster.is_blank(raster(with_columns(SCENE_AND_FLOOR, raster.columns), -1.7))
 
 
 def session(folder, clouds):

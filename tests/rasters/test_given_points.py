@@ -16,7 +16,7 @@ from deepring.rasters.local_features import local_features
 from deepring.rasters.polar import polar_gram
 from deepring.rasters.range_image import range_image
 from deepring.rasters.voxels import cylindrical_voxels
-from deepring.testing import walls
+from deepring.testing import walls, with_columns
 
 POINTS = walls(0)[:300]
 
@@ -35,13 +35,15 @@ WRONG = (
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.kind)
 def test_lists_tensors_and_wider_arrays_are_the_same_scan(kind):
     raster = kind()
-    expected = raster(POINTS, 0.0)
-    wider = np.column_stack([POINTS, np.full(len(POINTS), np.nan)])
-    for points in (POINTS.tolist(), torch.from_numpy(POINTS), POINTS.astype(np.float64), wider):
+    rows = with_columns(POINTS, raster.columns)
+    expected = raster(rows, 0.0)
+    wider = np.column_stack([rows, np.full(len(rows), np.nan)])
+    for points in (rows.tolist(), torch.from_numpy(rows), rows.astype(np.float64), wider):
         assert np.array_equal(raster(points, np.float32(0)), expected)
     lost = np.array([[np.nan, 0, 2], [0, np.inf, 2], [5, 5, -np.inf], [3, 1e300, 2], [9, 9, 1e300]])
-    assert np.array_equal(raster(np.concatenate([lost, POINTS]), 0.0), expected)
-    blank = raster(np.zeros((0, 3)), 0.0)
+    lost = with_columns(lost, raster.columns)
+    assert np.array_equal(raster(np.concatenate([lost, rows]), 0.0), expected)
+    blank = raster(np.zeros((0, rows.shape[1])), 0.0)
     assert blank.shape == raster.shape
     assert raster.is_blank(blank) or raster.kind == "voxels"
 
@@ -54,7 +56,7 @@ def test_other_points_and_grounds_are_refused(kind):
             raster(points, 0.0)
     for ground in (None, "a", np.nan, np.inf, [0.0], True, 1j):
         with pytest.raises(ConfigError, match=r"^ground_z: .*, expected a finite number of metres"):
-            raster(POINTS, ground)
+            raster(with_columns(POINTS, raster.columns), ground)
 
 
 @pytest.mark.parametrize("function", [*FUNCTIONS, *FINITE], ids=lambda f: f.__name__)

@@ -12,6 +12,7 @@ from deepring.rasters.bev import bev_occupancy, disc_mask
 from deepring.rasters.context import scan_context
 from deepring.rasters.polar import polar_gram
 from deepring.rasters.range_image import range_image
+from deepring.testing import with_columns
 
 
 def cloud(*rows):
@@ -108,7 +109,8 @@ def test_bad_preprocessing_is_named(bad):
 def test_rasters_come_back_from_their_settings(kind):
     raster = RASTERS[kind]()
     assert make_raster(raster_settings(raster)) == raster
-    image = raster(np.random.default_rng(4).uniform(-50, 50, (5000, 3)).astype("f4"), 0.0)
+    points = np.random.default_rng(4).uniform(-50, 50, (5000, 3)).astype("f4")
+    image = raster(with_columns(points, raster.columns), 0.0)
     assert image.shape == raster.shape
     assert image.dtype == raster.dtype
     assert image.any()

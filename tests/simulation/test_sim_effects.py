@@ -8,9 +8,9 @@ import pytest
 
 from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.data.readers import open_session
+from deepring.data.scans.columns import label_path
 from deepring.errors import ConfigError
 from deepring.simulation.fan import Fan
-from deepring.simulation.label_files import label_path
 from deepring.simulation.manifest import NAME
 from deepring.simulation.mounting import sensor_of
 from deepring.simulation.patterns import SWEEP

@@ -2,8 +2,8 @@
 
 Its SQLite file tolerates a kill during a write and several processes. The key of a row is the
 raster's settings and the scan's path; a row is valid while size and modification time of the scan
-file are unchanged. A BEV of 120 x 120 cells takes 1.8 kB. `deepring.data.raster_file` says what
-becomes of damaged rows and files.
+file are unchanged, and those of the file of labels where the raster takes them. A BEV of 120 x 120
+cells takes 1.8 kB. `deepring.data.raster_file` says what becomes of damaged rows and files.
 """
 
 import hashlib
@@ -49,7 +49,11 @@ class RasterCache:
     def load(
         self, scans: ScanSet, raster: Raster, progress: Progress | None = None
     ) -> tuple[ScanSet, Rasters, tuple[str, ...]]:
-        """The readable scans, their rasters, and the reason for each unreadable scan."""
+        """The readable scans, their rasters, and the reason for each unreadable scan.
+
+        Raises DataError for a session whose points lack columns of the raster.
+        """
+        scans.session.expect_columns(raster.columns)
         keys = _keys(scans, raster)
         broken: list[str] = []
         file = RasterFile(self.path)
@@ -106,16 +110,20 @@ def _keys(scans: ScanSet, raster: Raster) -> list[RasterKey]:
         "raster": raster_settings(raster),
         "ground_z": scans.ground_z,
     }
+    if raster.columns:
+        settings["columns"] = list(raster.columns)
+    beside = [file for name in raster.columns if (file := scans.session.columns[name].file)]
     digests: dict[float | None, bytes] = {}
     keys = []
     for k, index in enumerate(scans.indices):
         path = scans.session.files[index].absolute()
         try:
-            status = path.stat()
+            states = [file.stat() for file in (path, *(find(path) for find in beside))]
         except OSError:
             size, changed = -1, -1  # reading the file gives the error
         else:
-            size, changed = status.st_size, status.st_mtime_ns
+            size = sum(state.st_size for state in states)
+            changed = sum(state.st_mtime_ns for state in states)
         turn = None if scans.turns is None else float(scans.turns[k])
         if turn not in digests:
             text = json.dumps({**settings, "turn": turn}, sort_keys=True)

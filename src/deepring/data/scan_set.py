@@ -10,7 +10,6 @@ from deepring.core.rigid import turn_points, yaw_of
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError
 from deepring.rasters import Raster
-from deepring.rasters.blank import blank_reason
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +54,12 @@ class ScanSet:
         Raises BrokenScanError if it cannot be read, and if nothing of it is seen in the raster.
         """
         index = int(self.indices[k])
-        points = self.session.points(index)
+        points = self.session.points(index, raster.columns)
         if self.turns is not None:
-            points = turn_points(points, float(self.turns[k]))
+            turned = turn_points(points[:, :3], float(self.turns[k]))
+            points = np.column_stack([turned, points[:, 3:]]) if raster.columns else turned
         image = raster(points, self.ground_z)
         if raster.is_blank(image):
-            reason = blank_reason(points, self.ground_z, raster.preprocessing)
-            raise BrokenScanError(
-                f"{self.session.files[index]}: nothing stands out of the ground: {reason}"
-            )
+            reason = raster.why_blank(points, self.ground_z)
+            raise BrokenScanError(f"{self.session.files[index]}: {reason}")
         return image

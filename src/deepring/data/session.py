@@ -1,14 +1,15 @@
 """A session: scans, stamps and poses of one drive. Points are read one scan at a time."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.data.scans.columns import PointColumn, label_path
 from deepring.data.scans.returns import Scan, scan_from
-from deepring.errors import DataError
+from deepring.errors import BrokenScanError, DataError
 
 Points = NDArray[np.float32]
 """(n, 3) float32, metres, in the scan's own frame: right-handed, z up."""
@@ -57,6 +58,8 @@ class Session:
     #: Name of the decoding, for the raster cache: changes with the points of a file, but not when
     #: code moves. None uses the name of the function, or the settings of the object.
     decoding: str | None = None
+    #: What the files say of each point beside its coordinates, by name: "label", "intensity".
+    columns: Mapping[str, PointColumn] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.files)
@@ -69,20 +72,49 @@ class Session:
     def __len__(self) -> int:
         return len(self.files)
 
-    def scan(self, index: int) -> Scan:
+    def scan(self, index: int, columns: Sequence[str] = ()) -> Scan:
         """Read scan ``index``, and count its missing returns (see `Scan`).
 
-        Raises BrokenScanError for a file that cannot be decoded, or without any point.
+        ``columns`` are further values of each point, behind x, y and z. Raises BrokenScanError for
+        a file that cannot be decoded, or without any point, and as `expect_columns`.
         """
         file = self.files[index]
-        return scan_from(self.read(file), file)
+        records = self.read(file)
+        if columns:
+            self.expect_columns(columns)
+            values = [self._column(name, file, len(records)) for name in columns]
+            records = np.column_stack([records, *values])
+        return scan_from(records, file)
 
-    def points(self, index: int) -> Points:
+    def points(self, index: int, columns: Sequence[str] = ()) -> Points:
         """Read scan ``index``: (m, 3) float32 in its own frame, without missing returns.
 
-        Raises BrokenScanError for a file that cannot be decoded, or without any point.
+        With k ``columns`` it is (m, 3 + k). Raises as `scan` does.
         """
-        return self.scan(index).points
+        return self.scan(index, columns).points
+
+    def expect_columns(self, columns: Sequence[str]) -> None:
+        """Raise DataError unless the scans have these columns."""
+        for name in columns:
+            if name not in self.columns:
+                where = ""
+                if name == "label" and self.files:
+                    where = f" in {label_path(self.files[0]).parent}"
+                raise DataError(
+                    f"session {self.name}: its points have no {name}s{where}, expected a dataset "
+                    "whose points have them, or a method that needs none (docs/datasets.md)"
+                )
+
+    def _column(self, name: str, file: Path, count: int) -> NDArray[np.float32]:
+        column = self.columns[name]
+        values = column.read(file)
+        if len(values) != count:
+            source = file if column.file is None else column.file(file)
+            raise BrokenScanError(
+                f"{source}: {len(values)} {name}s for the {count} points of {file.name}; expected "
+                "one for each"
+            )
+        return values.astype(np.float32)
 
     def __iter__(self) -> Iterator[Points]:
         """Stream the scans in driving order, one in memory at a time."""

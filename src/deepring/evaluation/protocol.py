@@ -141,7 +141,7 @@ def seconds_per_scan(
     session = scans.session
     times = []
     for k in np.linspace(0, len(scans) - 1, min(count, len(scans))).astype(int):
-        points = session.points(int(scans.indices[k]))
+        points = session.points(int(scans.indices[k]), method.raster.columns)
         started = time.perf_counter()
         raster = method.raster(points, scans.ground_z)
         method.describe(torch.from_numpy(raster)[None].to(device)).cpu()

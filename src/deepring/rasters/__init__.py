@@ -9,6 +9,8 @@ from deepring.rasters.points import PointsRaster
 from deepring.rasters.polar import PolarRaster
 from deepring.rasters.preprocessing import Preprocessing
 from deepring.rasters.range_image import RangeRaster
+from deepring.rasters.semantic import SemanticRaster
+from deepring.rasters.semantic_points import SemanticPointsRaster
 from deepring.rasters.voxels import VoxelRaster
 
 __all__ = [
@@ -22,6 +24,8 @@ __all__ = [
     "Preprocessing",
     "RangeRaster",
     "Raster",
+    "SemanticPointsRaster",
+    "SemanticRaster",
     "VoxelRaster",
     "make_raster",
     "raster_settings",

@@ -41,6 +41,18 @@ def in_box(points, extent, low, high, out):
 
 
 @njit(cache=True, nogil=True)
+def rows_in_box(points, extent, low, high, rows):
+    """Write the numbers of the points of `in_box` to ``rows`` (n + 1,); return how many."""
+    extent, low, high = np.float32(extent), np.float32(low), np.float32(high)
+    count = 0
+    for k in range(points.shape[0]):
+        x, y, z = points[k, 0], points[k, 1], points[k, 2]
+        rows[count] = k
+        count += int((abs(x) < extent) & (abs(y) < extent) & (z > low) & (z < high))
+    return count
+
+
+@njit(cache=True, nogil=True)
 def lot_cells(xs, ys, zs, box, low, high, half, scale, side, cells):
     """Write the flat cell of each point of a lot into ``cells``.
 
@@ -103,6 +115,16 @@ def keep_above(flat, ground, floor, clearance, out):
     for k in range(ground.shape[0]):
         out[count, 0], out[count, 1] = flat[3 * k], flat[3 * k + 1]
         out[count, 2] = flat[3 * k + 2]
+        count += int(flat[3 * k + 2] > floor[ground[k]] + clearance)
+    return count
+
+
+@njit(cache=True, nogil=True)
+def rows_above(flat, ground, floor, clearance, rows):
+    """Write the numbers of the points of `keep_above` to ``rows`` (n + 1,); return how many."""
+    count = 0
+    for k in range(ground.shape[0]):
+        rows[count] = k
         count += int(flat[3 * k + 2] > floor[ground[k]] + clearance)
     return count
 

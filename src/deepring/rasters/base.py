@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring import checks
-from deepring.errors import ConfigError
+from deepring.errors import ConfigError, DataError
 from deepring.io.typed import typed
-from deepring.rasters.preprocessing import FARTHEST, Preprocessing
+from deepring.rasters.blank import blank_reason
+from deepring.rasters.preprocessing import FARTHEST, Preprocessing, contiguous_points
 
 #: Values of one array: 4096 x 4096 cells.
 MOST_VALUES = 2**24
@@ -41,6 +42,8 @@ class Raster(ABC):
     """Meaning of each axis: 'x', 'y', 'theta', 'r', ... Networks choose their input layer by it."""
     dtype: ClassVar[np.dtype[Any]]
     """Type of the array's values; bool arrays are stored as bits."""
+    columns: ClassVar[tuple[str, ...]] = ()
+    """Columns of the points that the raster takes behind x, y and z, such as 'label'."""
 
     preprocessing: Preprocessing
 
@@ -61,21 +64,37 @@ class Raster(ABC):
 
     @abstractmethod
     def rasterize(self, points: NDArray[np.float32]) -> NDArray[Any]:
-        """Array of preprocessed points (n, 3), z above the ground."""
+        """Array of preprocessed points (n, 3 + columns), z above the ground."""
 
     def __call__(self, points: Any, ground_z: float) -> NDArray[Any]:
         """Array of a whole scan.
 
         Args:
             points: (n, >=3), metres, in the scan's frame: anything like an array of real numbers.
-                Points that are not finite in float32 do not count.
+                Points that are not finite in float32 do not count. Behind x, y and z come the
+                raster's `columns`, if it has any.
             ground_z: z of the ground under the sensor in that frame, metres.
 
         Raises:
             ConfigError: a ``ground_z`` that is no finite number.
             DataError: points of another shape or type.
         """
-        return self.rasterize(self.preprocessing(points, ground_z))
+        if not self.columns:
+            return self.rasterize(self.preprocessing(points, ground_z))
+        names = ("x", "y", "z", *self.columns)
+        rows = contiguous_points(points)
+        if rows.shape[1] < len(names):
+            raise DataError(
+                f"points: shape {rows.shape}, expected (n, {len(names)}): {', '.join(names)}"
+            )
+        kept = rows[self.preprocessing.rows(rows, ground_z), : len(names)]
+        kept[:, 2] -= np.float32(ground_z)
+        return self.rasterize(kept)
+
+    def why_blank(self, points: NDArray[np.floating], ground_z: float) -> str:
+        """Why an array of these points (n, >=3) shows nothing of them."""
+        reason = blank_reason(points, ground_z, self.preprocessing)
+        return f"nothing stands out of the ground: {reason}"
 
     def is_blank(self, image: NDArray[Any]) -> bool:
         """Whether an array of this raster shows nothing of its scan."""

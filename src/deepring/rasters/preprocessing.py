@@ -89,6 +89,23 @@ class Preprocessing:
         crop[:, 2] -= np.float32(ground_z)
         return crop
 
+    def rows(self, points: Any, ground_z: float) -> NDArray[np.int64]:
+        """Which of the points (n, >=3) a call keeps, (m,) in their order."""
+        from deepring.rasters import _bev_kernels as _kernels
+
+        ground_z = checked_ground(ground_z)
+        low, high = (height + ground_z for height in self.height)
+        flat = coordinates(contiguous_points(points))
+        rows = np.empty(len(flat) // 3 + 1, dtype=np.int64)
+        if self.clearance is None:
+            count = _kernels.rows_in_box(flat.reshape(-1, 3), self.extent, low, high, rows)
+        else:
+            cells = np.empty(len(flat) // 3, dtype=np.uint32)
+            _kernels.ground_cells(flat, self.extent, low, high, self.cell, self.side, cells)
+            floor = self.floor(flat, cells)
+            count = _kernels.rows_above(flat, cells, floor, np.float32(self.clearance), rows)
+        return rows[:count]
+
     def floor(self, flat: NDArray[np.float32], cells: NDArray[np.uint32]) -> NDArray[np.float32]:
         """Height of the local ground (side² + 1,) in each flat cell of the grid.
 

@@ -10,10 +10,11 @@ from typing import Protocol
 from numpy.typing import NDArray
 
 from deepring import checks
+from deepring.data.scans.columns import label_path
+from deepring.data.scans.labels import write_labels
 from deepring.progress import Progress
 from deepring.simulation import custom_writer, manifest, mulran_writer, nclt_writer
 from deepring.simulation.drive import Drive
-from deepring.simulation.label_files import label_path, write_labels
 from deepring.simulation.mounting import Sensor
 from deepring.simulation.scene import Scene, scene_of
 from deepring.simulation.sensors import Sweep

@@ -7,6 +7,7 @@ def test_mine():
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -28,6 +29,9 @@ TURN_TOLERANCE = math.radians(25)
 
 #: The turn that a method must find, radians: a whole number of sectors of common rasters.
 TURN = math.radians(60)
+
+#: Labels of simulated points: building, fence, trunk, pole, traffic sign.
+_LABELS = np.array([50, 51, 71, 80, 81])
 
 
 def check_method(method: Method, rasters: Tensor | None = None, seed: int = 0) -> dict[str, str]:
@@ -75,8 +79,26 @@ def walls(seed: int, radius: float = 45.0) -> NDArray[np.float32]:
 
 
 def rasterize(method: Method, scans: list[NDArray[np.float32]]) -> Tensor:
-    """Rasters (n, *method.raster.shape) of n scans (m, 3)."""
-    return torch.from_numpy(np.stack([method.raster(points, 0.0) for points in scans]))
+    """Rasters (n, *method.raster.shape) of n scans (m, 3), with what else the raster takes."""
+    raster = method.raster
+    rows = [with_columns(points, getattr(raster, "columns", ())) for points in scans]
+    return torch.from_numpy(np.stack([raster(points, 0.0) for points in rows]))
+
+
+def with_columns(points: NDArray[np.float32], columns: Sequence[str]) -> NDArray[np.float32]:
+    """Points (m, 3 + k) of points (m, 3): twenty in a row of one label, other columns in [0, 1).
+
+    Labels are those of what stands, as SemanticKITTI has them.
+
+    >>> with_columns(np.zeros((60, 3), dtype=np.float32), ["label"])[::20, 3]
+    array([50., 51., 71.], dtype=float32)
+    """
+    order = np.arange(len(points))
+    values = [
+        _LABELS[order // 20 % len(_LABELS)] if name == "label" else order % 17 / 17
+        for name in columns
+    ]
+    return np.column_stack([points, *(value.astype(points.dtype) for value in values)])
 
 
 def check_shapes(method: Method, rasters: Tensor) -> Tensor:

@@ -19,6 +19,7 @@ from deepring.data.readers.reader import (
     existing_root,
     first_folder,
 )
+from deepring.data.scans.labels import point_columns
 from deepring.data.scans.listing import list_scans
 from deepring.data.scans.names import visible_folders
 from deepring.data.scans.records import file_problem, read_records
@@ -102,6 +103,7 @@ def open_helipr(root: Path | str, name: str, pose_tolerance: float = 0.1) -> Ses
         skipped=scans.skipped,
         ground_z=SENSORS[sensor].ground_z,
         decoding=f"helipr {sensor}",
+        columns=point_columns(scans.files),
     )
 
 

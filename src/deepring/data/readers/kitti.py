@@ -1,6 +1,7 @@
 """KITTI odometry (Karlsruhe Institute of Technology) and other data in its layout.
 
-Semantic-KITTI has the same layout, and many mapping tools write it.
+SemanticKITTI has the same layout, with the points' classes in ``labels/`` beside ``velodyne/``, and
+many mapping tools write it.
 """
 
 from pathlib import Path
@@ -18,6 +19,7 @@ from deepring.data.readers.reader import (
     existing_root,
     first_file,
 )
+from deepring.data.scans.labels import point_columns
 from deepring.data.scans.listing import Listing, list_scans
 from deepring.data.scans.names import visible_folders
 from deepring.data.scans.records import XYZI, read_records
@@ -40,6 +42,12 @@ def read_kitti_scan(path: Path | str) -> Points:
     """
     points: Points = read_records(path, XYZI)["xyz"]
     return points
+
+
+def read_reflectance(path: Path | str) -> NDArray[np.float32]:
+    """The last number of each record, (n,) float32: 0 to 1 in KITTI. Raises BrokenScanError."""
+    values: NDArray[np.float32] = read_records(path, XYZI)["intensity"]
+    return values
 
 
 def open_kitti(root: Path | str, sequence: str | None = None) -> Session:
@@ -71,6 +79,7 @@ def open_kitti(root: Path | str, sequence: str | None = None) -> Session:
         stamps=None if times is None else times[frames],
         read=read_kitti_scan,
         decoding="kitti",
+        columns=point_columns(listing.files, read_reflectance),
         skipped=SkippedScans(
             broken=listing.broken,
             without_pose=len(listing.files) - len(indices),

@@ -18,6 +18,7 @@ from deepring.data.readers.reader import (
     existing_root,
     first_folder,
 )
+from deepring.data.scans.labels import point_columns
 from deepring.data.scans.listing import list_scans
 from deepring.data.scans.names import visible_folders
 from deepring.data.scans.records import XYZI, read_records
@@ -39,6 +40,12 @@ def read_mulran_scan(path: Path | str) -> Points:
     """
     points: Points = read_records(path, XYZI)["xyz"]
     return points
+
+
+def read_intensity(path: Path | str) -> NDArray[np.float32]:
+    """The last number of each record, (n,) float32, as the sensor gives it; BrokenScanError."""
+    values: NDArray[np.float32] = read_records(path, XYZI)["intensity"]
+    return values
 
 
 def open_mulran(
@@ -68,6 +75,7 @@ def open_mulran(
         stamps=scans.stamps,
         read=read_mulran_scan,
         decoding="mulran",
+        columns=point_columns(scans.files, read_intensity),
         axes=("easting", "northing"),
         skipped=scans.skipped,
     )

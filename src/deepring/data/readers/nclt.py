@@ -7,6 +7,7 @@ Both y and z change sign, since a change of z alone would give a left-handed fra
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deepring.core.rigid import NED_TO_UP, pose_from, rotation_from_rpy
 from deepring.data.poses.matching import match_scans
@@ -20,6 +21,7 @@ from deepring.data.readers.reader import (
     first_file,
     first_folder,
 )
+from deepring.data.scans.labels import point_columns
 from deepring.data.scans.listing import list_scans
 from deepring.data.scans.records import read_records
 from deepring.data.session import Points, Session
@@ -47,6 +49,12 @@ def read_nclt_scan(path: Path | str) -> Points:
     return points
 
 
+def read_intensity(path: Path | str) -> NDArray[np.uint8]:
+    """The intensity (n,) of each record, from 0 to 255. Raises BrokenScanError."""
+    values: NDArray[np.uint8] = read_records(path, HIT)["intensity"]
+    return values
+
+
 def open_nclt(root: Path | str, date: str, pose_tolerance: float = 0.05) -> Session:
     """Open the drive of one ``date`` ("2012-02-04"); ``root`` contains drives, or is that drive.
 
@@ -68,6 +76,7 @@ def open_nclt(root: Path | str, date: str, pose_tolerance: float = 0.05) -> Sess
         stamps=scans.stamps,
         read=read_nclt_scan,
         decoding="nclt, zeros missing",
+        columns=point_columns(scans.files, read_intensity),
         axes=("north", "east"),
         skipped=scans.skipped,
     )

@@ -13,7 +13,7 @@ class Scan(NamedTuple):
     """One scan, and how many of its records are missing returns."""
 
     points: NDArray[np.float32]
-    """(n, 3) float32, metres, finite and not (0, 0, 0); n is at least 1."""
+    """(n, 3) float32, metres, finite and not (0, 0, 0); n is at least 1. Further columns follow."""
     missing: int
     """Records that are NaN, infinite or (0, 0, 0), which ``points`` leaves out."""
 
@@ -31,13 +31,13 @@ def is_return(records: NDArray[np.floating]) -> NDArray[np.bool_]:
 
 
 def scan_from(records: NDArray[np.floating], source: Path | str) -> Scan:
-    """The points of the records (n, 3) of one scan, without missing returns, which are counted.
+    """The points of the records (n, >=3) of one scan, without missing returns, which are counted.
 
     Raises BrokenScanError naming ``source`` if no point is left.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # beyond float32 becomes infinite
         values = np.asarray(records, dtype=np.float32)
-    valid = is_return(values)
+    valid = is_return(values[:, :3])
     missing = len(values) - int(np.count_nonzero(valid))
     if missing == len(values):
         raise BrokenScanError(

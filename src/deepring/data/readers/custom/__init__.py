@@ -28,6 +28,7 @@ from deepring.data.readers.custom.drive_file import (
 )
 from deepring.data.readers.reader import LayoutError, Reader
 from deepring.data.recording import RecordedScan, Recording
+from deepring.data.scans.labels import point_columns
 from deepring.data.scans.names import ending_of, files_with
 from deepring.data.scans.point_times import TimedPoints
 from deepring.data.scans.records import file_problem
@@ -75,6 +76,7 @@ def open_custom(root: Path | str, name: str | None = None) -> Session:
         skipped=SkippedScans(broken=reasons),
         ground_z=-drive.sensor_height,
         decoding=reader.decoding,
+        columns=point_columns(files, labels=reader.labels),
     )
 
 

@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.data.scans.returns import scan_from
+from deepring.data.scans.columns import label_path
+from deepring.data.scans.labels import read_labels
+from deepring.data.scans.returns import is_return, scan_from
 from deepring.data.scans.scan_files import scan_records
 from deepring.data.session import Points
 from deepring.errors import BrokenScanError
@@ -65,6 +67,24 @@ class CustomScans:
                 "file and these keys"
             )
         return np.concatenate([inside, np.full((missing, 3), np.nan, dtype=np.float32)])
+
+    def labels(self, path: Path) -> NDArray[np.uint16]:
+        """The classes (m,) of the points that a call gives; 0 for missing returns.
+
+        Raises BrokenScanError as `read_labels`, and for another number of labels than the file has
+        points.
+        """
+        records, labels = scan_records(path, self.format), read_labels(path)
+        if len(labels) != len(records):
+            raise BrokenScanError(
+                f"{label_path(path)}: {len(labels)} labels for the {len(records)} points of "
+                f"{path.name}; expected one for each"
+            )
+        returns = is_return(records)
+        upright = records[returns] @ UP[self.up].T.astype(np.float32)
+        inside = labels[returns][self._inside(upright)]
+        missing = len(records) - int(np.count_nonzero(returns))
+        return np.concatenate([inside, np.zeros(missing, dtype=np.uint16)])
 
     def _inside(self, points: Points) -> NDArray[np.bool_]:
         x, y, z = points.T.astype(np.float64)
