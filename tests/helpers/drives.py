@@ -6,8 +6,10 @@ from deepring.core.rigid import turn_points
 from deepring.data.dataset import RetrievalSet
 from deepring.data.packed_rasters import Rasters, pack
 from deepring.data.scan_set import ScanSet
+from deepring.data.scans.columns import PointColumn
 from deepring.data.session import Session
 from deepring.evaluation.task import RetrievalTask
+from deepring.testing import with_columns
 from helpers.scenes import scattered
 
 PLACES, QUERIES = 12, 70  # more queries than are compared at a time
@@ -36,7 +38,9 @@ def _side(name, clouds, east, north, raster, turns=None):
     poses[:, 0, 3] = east + 345090.0
     poses[:, 1, 3] = north + 4037591.0
     points = [turn_points(np.asarray(cloud, dtype=np.float32), 0.0) for cloud in clouds]
-    session = Session(name, tuple(range(n)), poses, poses[:, :2, 3], None, points.__getitem__)
+    columns = {"label": PointColumn(lambda k: with_columns(points[k], ["label"])[:, 3])}
+    files, read = tuple(range(n)), points.__getitem__
+    session = Session(name, files, poses, poses[:, :2, 3], None, read, columns=columns)
     scans = ScanSet(session, np.arange(n), 0.25, turns)
     images = [pack(scans.rasterize(k, raster), raster) for k in range(n)]
     return scans, Rasters(np.stack(images), raster)

@@ -9,12 +9,14 @@ from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
 from deepring.methods.scan_context import ScanContext
+from deepring.methods.ssc import Ssc
 from deepring.rasters import (
     BevRaster,
     ContextRaster,
     FeatureBevRaster,
     HeightRaster,
     PointsRaster,
+    SemanticPointsRaster,
     VoxelRaster,
     raster_settings,
 )
@@ -25,6 +27,7 @@ BEV = BevRaster(cells=24)
 CONTEXT = ContextRaster(sectors=24, rings=8)
 HEIGHTS = HeightRaster(layers=2, sectors=24, rings=16)
 POINTS = PointsRaster(count=64)
+CLASSES = SemanticPointsRaster(sectors=36, rings=10, count=300)
 VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
 
 
@@ -63,6 +66,7 @@ TINY = {
     "ring": lambda: Ring(BEV, angles=24, bins=24),
     "ring_plus_plus": lambda: RingPlusPlus(FeatureBevRaster(cells=24), angles=24, bins=24),
     "scan_context": lambda: ScanContext(CONTEXT),
+    "ssc": lambda: Ssc(CLASSES),
     "disco": disco,
     "pointnetvlad": pointnetvlad,
     "egonn": egonn,

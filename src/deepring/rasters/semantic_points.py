@@ -88,8 +88,8 @@ class SemanticPointsRaster(Labelled, Raster, kind="semantic_points"):
         priority = PRIORITY[classes]
         parts = np.full((self.sectors * _FINER, self.rings * _FINER), -1, dtype=np.int32)
         _kernels.first_of_highest(flat, priority, self.radius, parts)
-        of_cell = parts.reshape(self.sectors, _FINER, self.rings, _FINER).swapaxes(1, 2)
-        of_cell = of_cell.reshape(-1, _FINER**2)
+        quarters = parts.reshape(self.sectors, _FINER, self.rings, _FINER).swapaxes(1, 2)
+        of_cell = quarters.reshape(-1, _FINER**2)
         ranks = np.append(priority, np.uint8(0))  # -1, where there is no point, takes the last
         best = ranks[of_cell].argmax(axis=1)
         first = of_cell[np.arange(len(of_cell)), best]
