@@ -96,7 +96,9 @@ def measure(method: Method, drives: tuple[Session, Session], ground: float, coun
         pairs += pairs_between(distance, FAR, np.inf, positive, rng)
     scores = np.array([float(method.compare(queries[q], places[p]).score) for q, p in pairs])
     f1, ep = f1_and_ep(scores, np.arange(len(pairs)) < positive)
+    means = [part.mean() for part in (scores[:positive], scores[positive:])]
     print(f"  F1 {f1:.3f}, EP {ep:.3f}: {positive} pairs, {len(pairs) - positive} others")
+    print(f"  mean score of these {means[0]:.3f}, of the others {means[1]:.3f}")
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ from deepring.methods.method import rebuild_method
 from deepring.methods.ssc import Ssc
 from deepring.methods.ssc._ssc_kernels import share_alike
 from deepring.methods.ssc.ssc_keys import label_keys
-from deepring.rasters import SemanticPointsRaster
+from deepring.rasters import SemanticPointsRaster, SemanticRaster
 from deepring.rasters.classes import PRIORITY
 from deepring.testing import check_method, walls, with_columns
 
@@ -146,6 +146,16 @@ def test_a_moved_scan_is_found_within_a_cell(degrees, x, y):
     assert math.hypot(found.offset[0] - x, found.offset[1] - y) < 1.0
     other = METHOD.align(query, described(METHOD, street(5))[0])
     assert found.score > 1.2 * other.score
+
+
+def test_thinned_points_are_as_alike_as_whole_scans():
+    for query, entry in ((street(0), turned(street(0), 70, 1.0, -0.5)), (street(0), street(1))):
+        found = METHOD.align(*described(METHOD, query, entry))
+        moved = turned(entry, math.degrees(found.turn), *found.offset)
+        images = [SemanticRaster()(points, 0.0) for points in (query, moved)]
+        filled = (images[0] > 0) | (images[1] > 0)
+        whole = (filled & (images[0] == images[1])).sum() / filled.sum()
+        assert found.score == pytest.approx(whole, abs=0.015)
 
 
 def test_offsets_that_are_far_are_none():
