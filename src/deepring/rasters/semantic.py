@@ -46,7 +46,7 @@ class SemanticRaster(Labelled, Raster, kind="semantic"):
 
     >>> points = np.array([[9.5, 0.1, 0, 40], [9.6, 0.1, 1, 71], [-20.5, 0.1, 1, 252]])
     >>> image = SemanticRaster(sectors=4)(points, ground_z=0.0)
-    >>> np.argwhere(image).tolist(), image[0, 9]  # a trunk on a road; the car does not count
+    >>> np.argwhere(image).tolist(), int(image[0, 9])  # a trunk on a road; the car does not count
     ([[0, 9]], 16)
     """
 
