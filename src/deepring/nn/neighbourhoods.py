@@ -113,10 +113,10 @@ def interpolated(
     total = _some(points)
     number = min(3, total)
     chosen = nearest_points(centres, points, number)
-    near = gathered(points, chosen.flatten(1)).unflatten(1, chosen.shape[1:])
+    near = gathered(points, chosen.flatten(1)).view(*chosen.shape, 3)
     weights = 1.0 / ((near - centres[:, :, None]).square().sum(dim=-1) + _LEAST)
     weights = weights / weights.sum(dim=-1, keepdim=True)
-    values = gathered(features, chosen.flatten(1)).unflatten(1, chosen.shape[1:])
+    values = gathered(features, chosen.flatten(1)).view(*chosen.shape, features.shape[-1])
     return (weights[..., None] * values).sum(dim=2)
 
 
