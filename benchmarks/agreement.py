@@ -28,7 +28,7 @@ def read(folders: list[Path], side: str, method: str) -> Tensor:
     """All descriptors of one side in these folders."""
     files = [file for folder in folders for file in sorted(folder.glob(f"*__{side}.safetensors"))]
     found = [read_descriptors(file) for file in files]
-    chosen = [torch.from_numpy(held.descriptors) for held in found if held.method == method]
+    chosen = [torch.from_numpy(held.descriptors) for held in found if held.case.method == method]
     if not chosen:
         raise SystemExit(f"no {side} descriptors of {method} in {', '.join(map(str, folders))}")
     return torch.cat(chosen)
