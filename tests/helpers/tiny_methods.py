@@ -5,6 +5,7 @@ import torch
 from deepring.methods.deepring import DeepRing
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
+from deepring.methods.fast_histogram import FastHistogram
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
@@ -14,6 +15,7 @@ from deepring.rasters import (
     ContextRaster,
     FeatureBevRaster,
     HeightRaster,
+    HistogramRaster,
     PointsRaster,
     VoxelRaster,
     raster_settings,
@@ -63,6 +65,7 @@ TINY = {
     "ring": lambda: Ring(BEV, angles=24, bins=24),
     "ring_plus_plus": lambda: RingPlusPlus(FeatureBevRaster(cells=24), angles=24, bins=24),
     "scan_context": lambda: ScanContext(CONTEXT),
+    "fast_histogram": lambda: FastHistogram(HistogramRaster(buckets=20)),
     "disco": disco,
     "pointnetvlad": pointnetvlad,
     "egonn": egonn,

@@ -17,6 +17,7 @@ _METHODS = {
     "ring": "deepring.methods.ring.Ring",
     "ring_plus_plus": "deepring.methods.ring_plus_plus.RingPlusPlus",
     "scan_context": "deepring.methods.scan_context.ScanContext",
+    "fast_histogram": "deepring.methods.fast_histogram.FastHistogram",
     "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
     "disco": "deepring.methods.disco.Disco",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",

@@ -14,6 +14,7 @@ _METHODS: dict[str, str | type] = {
     "ring": "deepring.methods.ring.Ring",
     "ring_plus_plus": "deepring.methods.ring_plus_plus.RingPlusPlus",
     "scan_context": "deepring.methods.scan_context.ScanContext",
+    "fast_histogram": "deepring.methods.fast_histogram.FastHistogram",
     "disco": "deepring.methods.disco.Disco",
     "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",

@@ -5,6 +5,7 @@ from deepring.rasters.bev import BevRaster
 from deepring.rasters.context import ContextRaster
 from deepring.rasters.features import FeatureBevRaster
 from deepring.rasters.heights import HeightRaster
+from deepring.rasters.histogram import HistogramRaster
 from deepring.rasters.points import PointsRaster
 from deepring.rasters.polar import PolarRaster
 from deepring.rasters.preprocessing import Preprocessing
@@ -17,6 +18,7 @@ __all__ = [
     "ContextRaster",
     "FeatureBevRaster",
     "HeightRaster",
+    "HistogramRaster",
     "PointsRaster",
     "PolarRaster",
     "Preprocessing",
