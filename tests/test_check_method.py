@@ -9,19 +9,20 @@ import torch
 from torch import nn
 
 from deepring.core.similarity import negative_distance
+from deepring.methods.m2dp import M2dp
 from deepring.methods.method import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.methods.network_file import load_network
 from deepring.methods.registry import registered_methods
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
-from deepring.rasters import PolarRaster, raster_settings
+from deepring.rasters import M2dpRaster, PolarRaster, raster_settings
 from deepring.search.compare_index import CompareIndex
 from deepring.search.hits import Hits
 from deepring.testing import MethodError, check_method, rasterize, walls
 from helpers.tiny_methods import BEV, CONTEXT, TINY, deepring, disco
 
-TURNLESS = ("pointnetvlad", "egonn", "fast_histogram")
+TURNLESS = ("pointnetvlad", "egonn", "fast_histogram", "m2dp")
 WITHOUT_TURN = {"turn": "compare returns no turn"}
 VARIANTS = {
     "DeepRING over half a turn": (lambda: deepring(theta_range="half"), {}),
@@ -29,6 +30,7 @@ VARIANTS = {
     "DeepRING by cosine": (lambda: deepring(similarity="cosine"), WITHOUT_TURN),
     "RING as published": (lambda: Ring(BEV, 24, 24, "published"), {}),
     "Scan Context, 3 candidates": (lambda: ScanContext(CONTEXT, candidates=3), {}),
+    "M2DP, 4 signs": (lambda: M2dp(M2dpRaster(signs=4)), WITHOUT_TURN),
     "DiSCO, all aligned": (lambda: disco(aligned=None), {}),
     "the shipped network": (lambda: load_network("shipped").method, {}),
 }

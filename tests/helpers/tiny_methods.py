@@ -6,6 +6,7 @@ from deepring.methods.deepring import DeepRing
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
 from deepring.methods.fast_histogram import FastHistogram
+from deepring.methods.m2dp import M2dp
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
@@ -66,6 +67,7 @@ TINY = {
     "ring_plus_plus": lambda: RingPlusPlus(FeatureBevRaster(cells=24), angles=24, bins=24),
     "scan_context": lambda: ScanContext(CONTEXT),
     "fast_histogram": lambda: FastHistogram(HistogramRaster(buckets=20)),
+    "m2dp": M2dp,
     "disco": disco,
     "pointnetvlad": pointnetvlad,
     "egonn": egonn,

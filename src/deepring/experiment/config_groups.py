@@ -18,6 +18,7 @@ _METHODS = {
     "ring_plus_plus": "deepring.methods.ring_plus_plus.RingPlusPlus",
     "scan_context": "deepring.methods.scan_context.ScanContext",
     "fast_histogram": "deepring.methods.fast_histogram.FastHistogram",
+    "m2dp": "deepring.methods.m2dp.M2dp",
     "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
     "disco": "deepring.methods.disco.Disco",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",

@@ -15,6 +15,7 @@ _METHODS: dict[str, str | type] = {
     "ring_plus_plus": "deepring.methods.ring_plus_plus.RingPlusPlus",
     "scan_context": "deepring.methods.scan_context.ScanContext",
     "fast_histogram": "deepring.methods.fast_histogram.FastHistogram",
+    "m2dp": "deepring.methods.m2dp.M2dp",
     "disco": "deepring.methods.disco.Disco",
     "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",

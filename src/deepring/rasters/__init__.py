@@ -6,6 +6,7 @@ from deepring.rasters.context import ContextRaster
 from deepring.rasters.features import FeatureBevRaster
 from deepring.rasters.heights import HeightRaster
 from deepring.rasters.histogram import HistogramRaster
+from deepring.rasters.m2dp import M2dpRaster
 from deepring.rasters.points import PointsRaster
 from deepring.rasters.polar import PolarRaster
 from deepring.rasters.preprocessing import Preprocessing
@@ -19,6 +20,7 @@ __all__ = [
     "FeatureBevRaster",
     "HeightRaster",
     "HistogramRaster",
+    "M2dpRaster",
     "PointsRaster",
     "PolarRaster",
     "Preprocessing",
