@@ -6,6 +6,7 @@ from deepring.methods.deepring import DeepRing
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
 from deepring.methods.fast_histogram import FastHistogram
+from deepring.methods.lidar_iris import LidarIris
 from deepring.methods.m2dp import M2dp
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.ring import Ring
@@ -17,6 +18,7 @@ from deepring.rasters import (
     FeatureBevRaster,
     HeightRaster,
     HistogramRaster,
+    IrisRaster,
     PointsRaster,
     VoxelRaster,
     raster_settings,
@@ -27,6 +29,7 @@ from helpers.networks import deepring_settings
 BEV = BevRaster(cells=24)
 CONTEXT = ContextRaster(sectors=24, rings=8)
 HEIGHTS = HeightRaster(layers=2, sectors=24, rings=16)
+IRIS = IrisRaster(sectors=72, rings=20)
 POINTS = PointsRaster(count=64)
 VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
 
@@ -68,6 +71,7 @@ TINY = {
     "scan_context": lambda: ScanContext(CONTEXT),
     "fast_histogram": lambda: FastHistogram(HistogramRaster(buckets=20)),
     "m2dp": M2dp,
+    "lidar_iris": lambda: LidarIris(IRIS),
     "disco": disco,
     "pointnetvlad": pointnetvlad,
     "egonn": egonn,

@@ -19,6 +19,7 @@ _METHODS = {
     "scan_context": "deepring.methods.scan_context.ScanContext",
     "fast_histogram": "deepring.methods.fast_histogram.FastHistogram",
     "m2dp": "deepring.methods.m2dp.M2dp",
+    "lidar_iris": "deepring.methods.lidar_iris.LidarIris",
     "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
     "disco": "deepring.methods.disco.Disco",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",

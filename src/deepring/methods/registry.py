@@ -16,6 +16,7 @@ _METHODS: dict[str, str | type] = {
     "scan_context": "deepring.methods.scan_context.ScanContext",
     "fast_histogram": "deepring.methods.fast_histogram.FastHistogram",
     "m2dp": "deepring.methods.m2dp.M2dp",
+    "lidar_iris": "deepring.methods.lidar_iris.LidarIris",
     "disco": "deepring.methods.disco.Disco",
     "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",

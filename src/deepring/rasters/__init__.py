@@ -6,6 +6,7 @@ from deepring.rasters.context import ContextRaster
 from deepring.rasters.features import FeatureBevRaster
 from deepring.rasters.heights import HeightRaster
 from deepring.rasters.histogram import HistogramRaster
+from deepring.rasters.iris import IrisRaster
 from deepring.rasters.m2dp import M2dpRaster
 from deepring.rasters.points import PointsRaster
 from deepring.rasters.polar import PolarRaster
@@ -20,6 +21,7 @@ __all__ = [
     "FeatureBevRaster",
     "HeightRaster",
     "HistogramRaster",
+    "IrisRaster",
     "M2dpRaster",
     "PointsRaster",
     "PolarRaster",
