@@ -12,6 +12,7 @@ from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
 from deepring.methods.scan_context import ScanContext
+from deepring.methods.scan_context_plus_plus import CartContext, PolarContext
 from deepring.rasters import (
     BevRaster,
     ContextRaster,
@@ -20,6 +21,7 @@ from deepring.rasters import (
     HistogramRaster,
     IrisRaster,
     PointsRaster,
+    PolarContextRaster,
     VoxelRaster,
     raster_settings,
 )
@@ -30,6 +32,7 @@ BEV = BevRaster(cells=24)
 CONTEXT = ContextRaster(sectors=24, rings=8)
 HEIGHTS = HeightRaster(layers=2, sectors=24, rings=16)
 IRIS = IrisRaster(sectors=72, rings=20)
+POLAR_CONTEXT = PolarContextRaster(sectors=24, rings=8, least=1)
 POINTS = PointsRaster(count=64)
 VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
 
@@ -72,6 +75,8 @@ TINY = {
     "fast_histogram": lambda: FastHistogram(HistogramRaster(buckets=20)),
     "m2dp": M2dp,
     "lidar_iris": lambda: LidarIris(IRIS),
+    "polar_context": lambda: PolarContext(POLAR_CONTEXT),
+    "cart_context": CartContext,
     "disco": disco,
     "pointnetvlad": pointnetvlad,
     "egonn": egonn,

@@ -19,6 +19,8 @@ _METHODS = {
     "scan_context": "deepring.methods.scan_context.ScanContext",
     "fast_histogram": "deepring.methods.fast_histogram.FastHistogram",
     "m2dp": "deepring.methods.m2dp.M2dp",
+    "polar_context": "deepring.methods.scan_context_plus_plus.PolarContext",
+    "cart_context": "deepring.methods.scan_context_plus_plus.CartContext",
     "lidar_iris": "deepring.methods.lidar_iris.LidarIris",
     "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
     "disco": "deepring.methods.disco.Disco",

@@ -10,6 +10,7 @@ from deepring.rasters.iris import IrisRaster
 from deepring.rasters.m2dp import M2dpRaster
 from deepring.rasters.points import PointsRaster
 from deepring.rasters.polar import PolarRaster
+from deepring.rasters.polar_context import CartContextRaster, PolarContextRaster
 from deepring.rasters.preprocessing import Preprocessing
 from deepring.rasters.range_image import RangeRaster
 from deepring.rasters.voxels import VoxelRaster
@@ -17,6 +18,7 @@ from deepring.rasters.voxels import VoxelRaster
 __all__ = [
     "RASTERS",
     "BevRaster",
+    "CartContextRaster",
     "ContextRaster",
     "FeatureBevRaster",
     "HeightRaster",
@@ -24,6 +26,7 @@ __all__ = [
     "IrisRaster",
     "M2dpRaster",
     "PointsRaster",
+    "PolarContextRaster",
     "PolarRaster",
     "Preprocessing",
     "RangeRaster",
