@@ -41,6 +41,6 @@ class FastHistogram(FixedMethod):
         return Comparison(-distance / queries.shape[-1], None)
 
     @property
-    def descriptor_shape(self) -> tuple[int]:
+    def descriptor_shape(self) -> tuple[int, ...]:
         """(buckets,) of one descriptor."""
         return self.raster.shape

@@ -49,10 +49,10 @@ class M2dp(FixedMethod):
         return Comparison(-apart.view(len(queries), len(database), signs).amin(dim=-1), None)
 
     @property
-    def descriptor_shape(self) -> tuple[int, int]:
+    def descriptor_shape(self) -> tuple[int, ...]:
         """(signs, values) of one descriptor."""
         return self.raster.shape
 
     def index(self, settings: SearchSettings | None = None) -> Index:  # noqa: ARG002
         """Exhaustive search by L2; takes no settings."""
-        return VectorIndex("l2") if self.raster.signs == 1 else CompareIndex(self)
+        return VectorIndex("l2") if self.raster.shape[0] == 1 else CompareIndex(self)

@@ -1,6 +1,7 @@
 """Compiled CPU loops over the planes of M2DP (numba). Imported on first use."""
 
 import math
+from typing import no_type_check
 
 import numpy as np
 from numba import njit
@@ -15,6 +16,7 @@ _LOT = 1024
 
 
 @njit(cache=True, nogil=True)
+@no_type_check
 def plane_counts(points, along, across, farthest, angular, out):
     """Add the points (n, 3) to the bins of each plane in ``out`` (planes, radial, angular) int64.
 

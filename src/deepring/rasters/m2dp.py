@@ -70,9 +70,8 @@ class M2dpRaster(Raster, kind="m2dp"):
     def rasterize(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
         """Descriptors of the scan with each choice of signs."""
         points = finite_coordinates(points).reshape(-1, 3)
-        if self.grid is not None and len(points):
-            points = voxel_means(points, self.grid)
-        own = in_own_axes(points)
+        grid = self.grid if len(points) else None
+        own = in_own_axes(points if grid is None else voxel_means(points, grid))
         if own is None:
             return np.zeros(self.shape, dtype=np.float32)
         planes = m2dp_planes(self.azimuths, self.elevations)

@@ -50,20 +50,21 @@ class ShortlistIndex:
         """The ``k`` most alike of the candidates, with the method's turns."""
         count("k", k)
         queries = given_descriptors("queries", queries, self._shape)
-        best, turns = Best(len(queries), k), []
+        best = Best(len(queries), k)
+        turns: list[Tensor | None] = []
         if len(self) and len(queries):
             places = self.nearest(queries).sort(dim=1).values
             scores = []
             for query, place in zip(queries, places, strict=True):
                 (entries,) = self.places.take(place, "descriptor")
-                score, turn = self.method.compare(query[None], entries)
-                scores.append(score.float())
-                turns.append(turn)
+                found = self.method.compare(query[None], entries)
+                scores.append(found.score.float())
+                turns.append(found.turn)
             # In place of shifts, the number of the candidate, whose turn is looked up.
             numbers = torch.arange(places.shape[1]).expand_as(places)
             best.update(torch.cat(scores).cpu(), places, numbers)
-        found = [turn.cpu() for turn in turns if turn is not None]
-        turn = torch.cat(found).gather(1, best.shift) if found else None
+        known = [turn.cpu() for turn in turns if turn is not None]
+        turn = torch.cat(known).gather(1, best.shift) if known else None
         return Hits(best.place, best.score, turn)
 
     def nearest(self, queries: Float[Tensor, " q *descriptor"]) -> Int64[Tensor, "q _"]:

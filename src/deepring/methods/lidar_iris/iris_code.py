@@ -76,7 +76,7 @@ def packed(code: IrisCode) -> Float[Tensor, "batch theta byte"]:
     for bits in code:
         spare = -bits.shape[-1] % WORD
         whole = torch.nn.functional.pad(bits.to(torch.uint8), (0, spare))
-        parts.append((whole.unflatten(-1, (-1, 8)) * values).sum(dim=-1))
+        parts.append((whole.view(*whole.shape[:-1], whole.shape[-1] // 8, 8) * values).sum(dim=-1))
     return torch.cat(parts, dim=-1).to(torch.float16)
 
 

@@ -67,7 +67,7 @@ class IrisIndex:
 
 def _words(descriptors: Float[Tensor, "n theta byte"]) -> NDArray[np.uint64]:
     """The three parts of packed codes, (n, 3, θ, words) uint64."""
-    parts = descriptors.detach().cpu().to(torch.uint8).unflatten(-1, (3, -1))
-    whole = np.ascontiguousarray(parts.permute(0, 2, 1, 3).numpy())
+    parts = descriptors.detach().cpu().to(torch.uint8).chunk(3, dim=-1)
+    whole = torch.stack(parts, dim=1).contiguous().numpy()
     words: NDArray[np.uint64] = whole.view(np.uint64)
     return words
