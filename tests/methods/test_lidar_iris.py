@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deepring.core.rigid import turn_points
-from deepring.errors import ConfigError
+from deepring.errors import ConfigError, DataError
 from deepring.methods.lidar_iris import LidarIris, best_agreement
 from deepring.methods.lidar_iris.iris_code import IrisCode, iris_code, log_gabor, packed, unpacked
 from deepring.methods.lidar_iris.iris_index import IrisIndex
@@ -156,6 +156,26 @@ def test_a_scan_turned_by_whole_sectors_is_the_same_place():
     assert score > 0.95  # a few points change cells by rounding
     assert turn.item() == pytest.approx(angle, abs=1e-4)  # not its negative
     assert method.compare(query, other).score < 0.7
+
+
+@pytest.mark.parametrize("wrong", [0.5, -1.0, 65536.0, 1e30])
+def test_numbers_that_are_no_bits_are_refused(wrong):
+    code = codes(1)
+    bad = code.clone()
+    bad[0, 3, 4] = wrong
+    with pytest.raises(DataError, match=r"descriptors: .* expected whole ones from 0 to 65535"):
+        LidarIris(SMALL).compare(bad, code)
+    index = IrisIndex()
+    with pytest.raises(DataError, match="describe the scans by LidarIris"):
+        index.add(bad)
+    assert len(index) == 0
+
+
+def test_descriptors_are_of_the_type_that_is_exported():
+    described = LidarIris(SMALL).describe(SMALL(walls(0), 0.0)[None])
+    assert described.dtype == torch.float32
+    assert described.shape[1:] == LidarIris(SMALL).descriptor_shape
+    assert described.max() <= 65535
 
 
 def test_opposite_bits_agree_nowhere():

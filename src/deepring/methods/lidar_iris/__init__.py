@@ -22,7 +22,7 @@ _BLOCK = 64
 class LidarIris(FixedMethod):
     """Signs of log-Gabor responses along the azimuth, compared bit by bit at the best turn.
 
-    Descriptors (b, θ, bytes) are float16: eight bits in a number, see `iris_code`. A turn of the
+    Descriptors (b, θ, numbers) are float32, sixteen bits in a number. A turn of the
     scan rolls θ.
     """
 
@@ -33,12 +33,12 @@ class LidarIris(FixedMethod):
 
     def describe(
         self, rasters: Shaped[Tensor, "batch theta r"]
-    ) -> Float[Tensor, "batch theta byte"]:
+    ) -> Float[Tensor, "batch theta number"]:
         """Packed codes."""
         return packed(iris_code(rasters))
 
     def compare(
-        self, queries: Float[Tensor, "q theta byte"], database: Float[Tensor, "d theta byte"]
+        self, queries: Float[Tensor, "q theta number"], database: Float[Tensor, "d theta number"]
     ) -> Comparison:
         """The share of bits that agree, of those that count in both, at the best turn.
 
@@ -49,7 +49,7 @@ class LidarIris(FixedMethod):
 
     @property
     def descriptor_shape(self) -> tuple[int, int]:
-        """(θ, bytes) of one descriptor."""
+        """(θ, numbers) of one descriptor."""
         sectors, rings = self.raster.shape
         return sectors, packed_length(rings)
 
@@ -59,7 +59,7 @@ class LidarIris(FixedMethod):
 
 
 def best_agreement(
-    queries: Float[Tensor, "q theta byte"], database: Float[Tensor, "d theta byte"]
+    queries: Float[Tensor, "q theta number"], database: Float[Tensor, "d theta number"]
 ) -> Match:
     """The share of bits that agree at the best shift, and that shift, of all pairs: (q, d).
 
@@ -84,7 +84,7 @@ def best_agreement(
 
 
 def _signs(
-    descriptors: Float[Tensor, "n theta byte"],
+    descriptors: Float[Tensor, "n theta number"],
 ) -> tuple[Float32[Tensor, "n theta _"], Float32[Tensor, "n theta _"]]:
     """±1 for the bits that count and 0 for others, and whether they count."""
     real, imaginary, counts = unpacked(descriptors)

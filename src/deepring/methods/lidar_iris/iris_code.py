@@ -9,10 +9,11 @@ import math
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float, Float64, Shaped
+from jaxtyping import Bool, Float, Float64, Int32, Shaped
 from torch import Tensor
 
 from deepring.core import fourier
+from deepring.errors import DataError
 
 #: The filters: number of scales, shortest wavelength in sectors, factor between wavelengths, and
 #: the ratio of a filter's spread to its centre.
@@ -26,6 +27,9 @@ _ZERO = 1e-9
 
 #: Bits are padded to whole words of this many.
 WORD = 64
+
+#: Bits in a number of a descriptor, which float32 holds exactly.
+SHARE = 16
 
 
 class IrisCode(NamedTuple):
@@ -66,27 +70,43 @@ def iris_code(images: Shaped[Tensor, "batch theta r"]) -> IrisCode:
     return IrisCode(response.real > _ZERO, response.imag > _ZERO, response.abs() >= LEAST)
 
 
-def packed(code: IrisCode) -> Float[Tensor, "batch theta byte"]:
-    """The three parts of a code after each other, eight bits in a number from 0 to 255, float16.
+def packed(code: IrisCode) -> Float[Tensor, "batch theta number"]:
+    """The three parts of a code after each other, `SHARE` bits in a whole number, float32.
 
     Each part is padded by zeros to whole words of `WORD` bits.
     """
-    values = 2 ** torch.arange(8, device=code.real.device)
+    values = 2 ** torch.arange(SHARE, device=code.real.device)
     parts = []
     for bits in code:
         spare = -bits.shape[-1] % WORD
         whole = torch.nn.functional.pad(bits.to(torch.uint8), (0, spare))
-        parts.append((whole.view(*whole.shape[:-1], whole.shape[-1] // 8, 8) * values).sum(dim=-1))
-    return torch.cat(parts, dim=-1).to(torch.float16)
+        groups = whole.view(*whole.shape[:-1], whole.shape[-1] // SHARE, SHARE)
+        parts.append((groups * values).sum(dim=-1))
+    return torch.cat(parts, dim=-1).float()
 
 
-def unpacked(descriptors: Float[Tensor, "batch theta byte"]) -> IrisCode:
-    """The code that was `packed`, with the padding, which does not count."""
-    values = 2 ** torch.arange(8, device=descriptors.device)
-    bits = (descriptors.to(torch.int64)[..., None] & values).bool().flatten(-2)
+def unpacked(descriptors: Float[Tensor, "batch theta number"]) -> IrisCode:
+    """The code that was `packed`, with the padding, which does not count.
+
+    Raises DataError for numbers that no code has.
+    """
+    values = 2 ** torch.arange(SHARE, device=descriptors.device)
+    bits = (whole_numbers(descriptors)[..., None] & values).bool().flatten(-2)
     return IrisCode(*bits.chunk(3, dim=-1))
+
+
+def whole_numbers(descriptors: Float[Tensor, "*batch number"]) -> Int32[Tensor, "*batch number"]:
+    """The numbers of packed codes as int32. Raises DataError for others."""
+    numbers = descriptors.clamp(0, 2**SHARE - 1).to(torch.int32)
+    if not torch.equal(numbers.to(descriptors.dtype), descriptors):
+        raise DataError(
+            f"descriptors: numbers from {float(descriptors.min()):g} to "
+            f"{float(descriptors.max()):g}, expected whole ones from 0 to {2**SHARE - 1}, the bits "
+            "of LiDAR-Iris; describe the scans by LidarIris"
+        )
+    return numbers
 
 
 def packed_length(rings: int) -> int:
     """Numbers per sector of a packed code."""
-    return 3 * math.ceil(SCALES * rings / WORD) * (WORD // 8)
+    return 3 * math.ceil(SCALES * rings / WORD) * (WORD // SHARE)

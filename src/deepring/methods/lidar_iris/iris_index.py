@@ -10,6 +10,7 @@ from torch import Tensor
 
 from deepring.checks import count
 from deepring.core.correlation import shift_to_turn
+from deepring.methods.lidar_iris.iris_code import whole_numbers
 from deepring.search.block_store import BlockStore
 from deepring.search.given import given_descriptors
 from deepring.search.hits import Best, Hits
@@ -19,7 +20,7 @@ _CHUNK = 1024
 
 
 class IrisIndex:
-    """Packed codes (n, θ, bytes) of places, compared bit by bit at every shift."""
+    """Packed codes (n, θ, numbers) of places, compared bit by bit at every shift."""
 
     def __init__(self) -> None:
         self.places = BlockStore()
@@ -46,7 +47,7 @@ class IrisIndex:
         return Hits(best.place, best.score, shift_to_turn(best.shift, queries.shape[-2]))
 
     def scores(
-        self, queries: Float[Tensor, "q theta byte"]
+        self, queries: Float[Tensor, "q theta number"]
     ) -> tuple[Float32[Tensor, "q n"], Int64[Tensor, "q n"]]:
         """The share of bits that agree with each place at the best shift, and that shift."""
         from deepring.methods.lidar_iris import _iris_kernels as _kernels
@@ -61,13 +62,13 @@ class IrisIndex:
                 _kernels.nearest_shifts(query, entries, distance[q, start:end], shift[q, start:end])
         return torch.from_numpy(1 - distance).float(), torch.from_numpy(shift)
 
-    def _given(self, name: str, values: Any) -> Float[Tensor, "n theta byte"]:
-        return given_descriptors(name, values, self._shape, ("θ", "bytes"))
+    def _given(self, name: str, values: Any) -> Float[Tensor, "n theta number"]:
+        return given_descriptors(name, values, self._shape, ("θ", "numbers"))
 
 
-def _words(descriptors: Float[Tensor, "n theta byte"]) -> NDArray[np.uint64]:
+def _words(descriptors: Float[Tensor, "n theta number"]) -> NDArray[np.uint64]:
     """The three parts of packed codes, (n, 3, θ, words) uint64."""
-    parts = descriptors.detach().cpu().to(torch.uint8).chunk(3, dim=-1)
-    whole = torch.stack(parts, dim=1).contiguous().numpy()
+    parts = whole_numbers(descriptors.detach().cpu()).chunk(3, dim=-1)
+    whole = np.ascontiguousarray(torch.stack(parts, dim=1).numpy().astype(np.uint16))
     words: NDArray[np.uint64] = whole.view(np.uint64)
     return words
