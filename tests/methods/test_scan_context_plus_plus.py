@@ -24,7 +24,8 @@ from deepring.rasters import (
     make_raster,
     raster_settings,
 )
-from deepring.rasters.polar_context import cart_context, polar_context
+from deepring.rasters.cart_context import cart_context
+from deepring.rasters.polar_context import polar_context
 from deepring.search.compare_index import CompareIndex
 from deepring.search.shortlist import ShortlistIndex
 from deepring.testing import walls

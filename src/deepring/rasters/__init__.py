@@ -2,6 +2,7 @@
 
 from deepring.rasters.base import RASTERS, Raster, make_raster, raster_settings
 from deepring.rasters.bev import BevRaster
+from deepring.rasters.cart_context import CartContextRaster
 from deepring.rasters.context import ContextRaster
 from deepring.rasters.features import FeatureBevRaster
 from deepring.rasters.heights import HeightRaster
@@ -10,7 +11,7 @@ from deepring.rasters.iris import IrisRaster
 from deepring.rasters.m2dp import M2dpRaster
 from deepring.rasters.points import PointsRaster
 from deepring.rasters.polar import PolarRaster
-from deepring.rasters.polar_context import CartContextRaster, PolarContextRaster
+from deepring.rasters.polar_context import PolarContextRaster
 from deepring.rasters.preprocessing import Preprocessing
 from deepring.rasters.range_image import RangeRaster
 from deepring.rasters.voxels import VoxelRaster

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from deepring import checks
 from deepring.rasters.base import Raster
+from deepring.rasters.highest import whole_scan
 from deepring.rasters.preprocessing import FARTHEST, Preprocessing, finite_coordinates
 
 #: Layers of height: the bits of a byte.
@@ -31,9 +32,7 @@ class IrisRaster(Raster, kind="iris"):
     radius: float = 80.0
     low: float = -5.0
     viewpoint: float = 1.73
-    preprocessing: Preprocessing = field(
-        default_factory=lambda: Preprocessing(height=(-50.0, 150.0), clearance=None, extent=200.0)
-    )
+    preprocessing: Preprocessing = field(default_factory=whole_scan)
 
     axes = ("theta", "r")
     dtype = np.dtype(np.uint8)

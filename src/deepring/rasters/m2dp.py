@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring import checks
 from deepring.errors import ConfigError
 from deepring.rasters.base import Raster
-from deepring.rasters.downsample import LARGEST, SMALLEST, voxel_means
+from deepring.rasters.downsample import voxel_means
+from deepring.rasters.highest import check_grid, whole_scan
 from deepring.rasters.preprocessing import Preprocessing, finite_coordinates
 
 #: Eigenvalues that differ by less than this share of the largest leave their axes open.
@@ -47,18 +47,14 @@ class M2dpRaster(Raster, kind="m2dp"):
     angular: int = 16
     grid: float | None = None
     signs: int = 1
-    preprocessing: Preprocessing = field(
-        default_factory=lambda: Preprocessing(height=(-50.0, 150.0), clearance=None, extent=200.0)
-    )
+    preprocessing: Preprocessing = field(default_factory=whole_scan)
 
     axes = ("sign", "value")
     dtype = np.dtype(np.float32)
 
     def __post_init__(self) -> None:
         self.check_counts("azimuths", "elevations", "radial", "angular")
-        if self.grid is not None:
-            self.check_lengths("grid")
-            checks.between("raster.grid", self.grid, SMALLEST, LARGEST, "metres")
+        check_grid(self.grid)
         if self.signs not in (1, len(_FLIPS)):
             raise ConfigError(f"raster.signs: {self.signs!r}, expected 1 or {len(_FLIPS)}")
 
