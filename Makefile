@@ -14,13 +14,14 @@ nothing :=
 space := $(nothing) $(nothing)
 SWEEP := seed=$(subst $(space),$(comma),$(strip $(SEEDS))) hydra/launcher=joblib
 
-.PHONY: help install demo ablations compare weights test test-slow kill fuzz lint coverage mutation \
+.PHONY: help install demo ablations compare worlds weights test test-slow kill fuzz lint coverage mutation \
   hooks bench peers clean
 
 help:
 	@echo "make demo       simulate, train, evaluate, print the results (SEED=0)"
 	@echo "make ablations  Tables III and IV on simulated worlds (SEEDS='0 1 2'); resumes if stopped"
 	@echo "make compare    all methods, Tables I and II (SEEDS='0 1'); resumes if stopped"
+	@echo "make worlds     simulate the worlds that the network learns from, and those it is chosen by"
 	@echo "make weights    train the network that comes with the package, on separate worlds"
 	@echo "make test       lint, types, import directions and the default tests"
 	@echo "make test-slow  the long tests"
@@ -66,9 +67,9 @@ compare: install
 	$(BIN)/deepring compare --seeds $(subst $(space),$(comma),$(strip $(SEEDS))) \
 	  hydra/launcher=joblib
 
-# The worlds of conf/worlds/weights.txt train the network; worlds 110 and 111 tell when to trust it. In
-# the odd one buildings are of more kinds, the campus has a blind sector and the city none.
-weights: install
+# The worlds of conf/worlds/weights.txt train the network; worlds 110 and 111 choose it, and tell when to
+# trust it. In the odd one buildings are of more kinds, the campus has a blind sector and the city none.
+worlds: install
 	while read -r seed knobs; do \
 	  $(BIN)/deepring simulate custom --seed $$seed -o outputs/datasets/weights_$$seed \
 	    train_columns=3 test_columns=2 scan_spacing=4 azimuths=450 $$knobs < /dev/null || exit; \
@@ -82,6 +83,8 @@ weights: install
 	  $(BIN)/deepring simulate mulran --seed $$seed -o outputs/datasets/weights_mulran_$$seed \
 	    train_columns=3 test_columns=2 $$city || exit; \
 	done
+
+weights: worlds
 	$(BIN)/deepring train experiment=weights
 	$(BIN)/python benchmarks/localization.py --checkpoint outputs/weights/latest/checkpoints/last.ckpt \
 	  --whole --every 2 --calibrate 0.998 sim_nclt=outputs/datasets/weights_nclt_110 \

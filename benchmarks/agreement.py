@@ -28,7 +28,7 @@ def read(folders: list[Path], side: str, method: str) -> Tensor:
     """All descriptors of one side in these folders."""
     files = [file for folder in folders for file in sorted(folder.glob(f"*__{side}.safetensors"))]
     found = [read_descriptors(file) for file in files]
-    chosen = [torch.from_numpy(held.descriptors) for held in found if held.method == method]
+    chosen = [torch.from_numpy(held.descriptors) for held in found if held.case.method == method]
     if not chosen:
         raise SystemExit(f"no {side} descriptors of {method} in {', '.join(map(str, folders))}")
     return torch.cat(chosen)
@@ -49,7 +49,7 @@ def print_codes(queries: Tensor, database: Tensor, best: Tensor) -> None:
     """Where codes of several sizes put the best place."""
     head = " | ".join(f"in the best {count}" for count in CANDIDATES)
     print(f"\n| code, bytes | {head} |\n| --- |{' ---: |' * len(CANDIDATES)}")
-    for frequencies, components in ((16, 16), (16, 12), (12, 16), (10, 16), (8, 16), (8, 12)):
+    for frequencies, components in ((16, 24), (16, 16), (12, 16), (10, 16), (8, 16), (8, 12)):
         found = ranks(queries, database, best, CodeSettings(frequencies, components))
         size = 2 * frequencies * components
         print(f"| {frequencies} x {components}, {size} | {shares(found)} |")

@@ -60,6 +60,7 @@ def measure(stages: list[str], runs: int, most: int, device: str) -> Iterator[Ro
         yield from search_stages.published_stage(runs)
         yield from search_stages.exact_stages(runs, sizes[:3])
         yield from search_stages.two_stage(runs, sizes)
+        yield from search_stages.network_stage(runs)
         yield from search_stages.context_stage(runs, sizes[:3])
         yield from search_stages.vector_stage(runs, sizes[:3])
     if "locate" in stages:

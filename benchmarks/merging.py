@@ -45,7 +45,7 @@ def main() -> None:
             rotation_from_rpy(0, 0, rng.uniform(-math.pi, math.pi)), rng.uniform(-500, 500, 3)
         )
         maps.append(
-            (text, map_of(scans.database, network), map_in(scans.query, network, pose), pose)
+            (text, map_of(scans.database, network, 360.0), map_in(scans.query, network, pose), pose)
         )
     print("| maps | places | found | agree | off m | off ° | s |")
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")

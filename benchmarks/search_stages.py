@@ -10,7 +10,9 @@ from timing import Row, timed
 from torch import Tensor
 
 from deepring.core.correlation import circular_cross_correlation
-from deepring.search.code import CodeSettings, fit_code
+from deepring.localization.map import SEARCH
+from deepring.methods.method import describe_all
+from deepring.methods.network_file import load_network
 from deepring.search.correlation_index import CorrelationIndex
 from deepring.search.search_settings import SearchSettings
 from deepring.search.spectra import encode
@@ -143,11 +145,8 @@ def two_stage(runs: int, sizes: tuple[int, ...]) -> Iterator[Row]:
     """Codes first, exact correlation of the best: 60 x 31 descriptors, as the small network's."""
     drawn = rings(places(DRAWN), 60)[..., :31]
     queries = drawn[:8].roll(7, dims=1)
-    code = fit_code(drawn, CodeSettings())
     for n in sizes:
-        settings = SearchSettings("int8", exhaustive_below=0)
-        index = CorrelationIndex(settings)
-        index.code, index.shape = code, (60, 31)
+        index = CorrelationIndex(SearchSettings("int8", exhaustive_below=0))
         generator = torch.Generator().manual_seed(0)
         for start in range(0, n, 50_000):
             count = min(50_000, n - start)
@@ -157,11 +156,28 @@ def two_stage(runs: int, sizes: tuple[int, ...]) -> Iterator[Row]:
         one = queries[:1]
         seconds = timed(lambda index=index, one=one: index.search(one), max(5, runs // 4))
         yield Row("search", "two-stage search, int8", n, *seconds, "query")
-        codes = timed(lambda index=index, one=one: index.candidates(one, code), max(5, runs // 4))
+        codes = timed(
+            lambda index=index, one=one: index.candidates(one, index.code), max(5, runs // 4)
+        )
         yield Row("search", "of which: codes and candidates", n, *codes, "query")
         if n <= 100_000:
             every = timed(lambda index=index, one=one: index.search(one, exhaustive=True), 3)
             yield Row("search", "exact search, int8, 60 x 31", n, *every, "query")
+
+
+def network_stage(runs: int, n: int = 4096) -> Iterator[Row]:
+    """Descriptors of the package's network and of the width it once had: time per number."""
+    bevs = places(n)
+    small = rings(bevs, 60)[..., :31]
+    whole = describe_all(load_network("shipped").method, bevs)
+    for what, database in (("60 x 31", small), ("60 x 151, the package's network", whole)):
+        for name, settings in (("exact", SearchSettings("int8", code=None)), ("map's", SEARCH)):
+            index = CorrelationIndex(settings)
+            index.add(database)
+            one = database[:1].roll(7, dims=1)
+            seconds = timed(lambda index=index, one=one: index.search(one), runs)
+            note = f"{1e9 * seconds[0] / database.numel():.3f} ns per number of the map"
+            yield Row("search", f"{name} search, int8, {what}", n, *seconds, "query", note)
 
 
 def vector_stage(runs: int, sizes: tuple[int, ...], width: int = 256) -> Iterator[Row]:

@@ -9,25 +9,48 @@ import torch
 from torch import nn
 
 from deepring.core.similarity import negative_distance
+from deepring.methods.m2dp import M2dp
 from deepring.methods.method import Comparison
 from deepring.methods.network import NetworkMethod, PlainSettings
 from deepring.methods.network_file import load_network
 from deepring.methods.registry import registered_methods
 from deepring.methods.ring import Ring
 from deepring.methods.scan_context import ScanContext
-from deepring.rasters import PolarRaster, raster_settings
+from deepring.methods.scan_context_plus_plus import CartContext, PolarContext
+from deepring.rasters import (
+    CartContextRaster,
+    M2dpRaster,
+    PolarContextRaster,
+    PolarRaster,
+    raster_settings,
+)
 from deepring.search.compare_index import CompareIndex
 from deepring.search.hits import Hits
 from deepring.testing import MethodError, check_method, rasterize, walls
 from helpers.tiny_methods import BEV, CONTEXT, TINY, deepring, disco
 
+TURNLESS = ("pointnetvlad", "egonn", "fast_histogram", "m2dp", "cart_context")
 WITHOUT_TURN = {"turn": "compare returns no turn"}
+
+
+def polar_context():
+    raster = PolarContextRaster(sectors=24, rings=8, sideways=(0, 2, -2))
+    return PolarContext(raster, candidates=3)
+
+
+def cart_context():
+    return CartContext(CartContextRaster(reverse=True), candidates=None, window=0.3)
+
+
 VARIANTS = {
     "DeepRING over half a turn": (lambda: deepring(theta_range="half"), {}),
     "DeepRING by L2": (lambda: deepring(similarity="l2", aggregation="dft2"), WITHOUT_TURN),
     "DeepRING by cosine": (lambda: deepring(similarity="cosine"), WITHOUT_TURN),
     "RING as published": (lambda: Ring(BEV, 24, 24, "published"), {}),
     "Scan Context, 3 candidates": (lambda: ScanContext(CONTEXT, candidates=3), {}),
+    "M2DP, 4 signs": (lambda: M2dp(M2dpRaster(signs=4)), WITHOUT_TURN),
+    "Scan Context++, 3 candidates from 3 origins": (polar_context, {}),
+    "Cart Context, both ways": (cart_context, WITHOUT_TURN),
     "DiSCO, all aligned": (lambda: disco(aligned=None), {}),
     "the shipped network": (lambda: load_network("shipped").method, {}),
 }
@@ -36,7 +59,7 @@ VARIANTS = {
 @pytest.mark.parametrize("name", registered_methods())
 def test_every_registered_method_passes(name):
     skipped = check_method(TINY[name]())
-    assert skipped == (WITHOUT_TURN if name in ("pointnetvlad", "egonn") else {})
+    assert skipped == (WITHOUT_TURN if name in TURNLESS else {})
 
 
 @pytest.mark.parametrize("name", VARIANTS)

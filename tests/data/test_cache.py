@@ -203,17 +203,21 @@ def changed_values(value):
         return [replace(value, **{name: v}) for name, vs in changes.items() for v in vs]
     if value is None:
         return [0.25]
+    if isinstance(value, tuple) and len(value) != 2:
+        return [(*value, 0.5)]
     if isinstance(value, tuple):
-        return [(value[0] - 1, value[1]), (value[0], value[1] + 1)]
+        return [(value[0] + 0.5, value[1]), (value[0], value[1] + 1)]
+    if isinstance(value, bool):
+        return [not value]
     if isinstance(value, str):
         return [{"nearest": "last"}[value]]
-    return [value + 2]
+    return [value + (3 if value == 1 else 2)]  # some are 1 or 4, and a window is odd
 
 
 def changed_rasters():
     for kind, cls in RASTERS.items():
         # Cropped wider than it reaches, so that its reach may change alone.
-        base = cls(preprocessing=Preprocessing(extent=90.0))
+        base = cls(preprocessing=Preprocessing(extent=160.0))
         for field in fields(base):
             for k, value in enumerate(changed_values(getattr(base, field.name))):
                 yield pytest.param(

@@ -14,7 +14,11 @@ from deepring.methods.network_file import load_network
 from helpers.small_training import SMALL, TINY_DATA, TINY_METHODS
 
 METHODS = sorted(path.stem for path in (config_folder() / "method").glob("*.yaml"))
-FIXED = ("ring", "ring_plus_plus", "scan_context", "scan_context_120", "ssc")
+FIXED = (
+    *("ring", "ring_plus_plus", "scan_context", "scan_context_120", "ssc"),
+    *("fast_histogram", "fast_histogram_clear", "m2dp", "m2dp_signs", "lidar_iris"),
+    *("polar_context", "polar_context_augmented", "cart_context", "cart_context_augmented"),
+)
 LEARNED = [name for name in METHODS if name not in FIXED]
 
 

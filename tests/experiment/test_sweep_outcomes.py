@@ -1,5 +1,6 @@
 """The outcomes of a sweep's jobs: who finished, who failed, and who is begun again after a kill."""
 
+import errno
 import json
 import os
 import platform
@@ -154,3 +155,11 @@ def test_what_a_killed_sweep_left_is_removed_and_a_running_ones_stays(tmp_path, 
     OutcomesFolder().on_multirun_start(config)
     own = Path(os.environ.pop(OUTCOMES))
     assert set(tmp_path.iterdir()) == {running, elsewhere, own}
+
+
+def test_a_full_disk_is_told_in_words(jobs, tmp_path):
+    def launch():
+        jobs[0].run(lambda: fail(OSError(errno.ENOSPC, "No space left on device", "a.ckpt")))
+
+    (failed,) = swept(tmp_path, launch).failed
+    assert failed == (jobs[0].folder, "a.ckpt: no space is left on the disk")

@@ -28,6 +28,17 @@ WORLDS = [
     for line in (config_folder() / "worlds" / "weights.txt").read_text().splitlines()
 ]
 
+MANY_WORLDS = [
+    f"train_data.{world}_{seed}.{key}={value}"
+    for seed, world in WORLDS
+    for key, value in (
+        ("root", "{tiny_custom}/drive.yaml"),
+        ("regions.validation_share", 0.3),
+        ("regions.margin", 1),
+        ("spacing.train", 1),
+    )
+]
+
 #: How each experiment is pointed at small data; the fixtures' folders are filled in.
 POINTED = {
     "demo": ["data.root={tiny_nclt}"],
@@ -40,16 +51,12 @@ POINTED = {
         "data.regions.test=[{{half_plane: {{point: [150, 0], normal: [1, 0]}}}}]",
         "evaluate=false",
     ],
-    "weights": [
-        f"train_data.{world}_{seed}.{key}={value}"
-        for seed, world in WORLDS
-        for key, value in (
-            ("root", "{tiny_custom}/drive.yaml"),
-            ("regions.validation_share", 0.3),
-            ("regions.margin", 1),
-            ("spacing.train", 1),
-        )
+    "many_worlds": [
+        *MANY_WORLDS,
+        *(f"test_data.campus_{seed}.root={{tiny_nclt}}" for seed in (110, 111)),
+        *(f"test_data.city_{seed}.root={{tiny_mulran}}" for seed in (110, 111)),
     ],
+    "weights": MANY_WORLDS,
     "paper_mulran": [
         "data.root={tiny_mulran}",
         "data.database=SimCity01",

@@ -5,17 +5,24 @@ import torch
 from deepring.methods.deepring import DeepRing
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
+from deepring.methods.fast_histogram import FastHistogram
+from deepring.methods.lidar_iris import LidarIris
+from deepring.methods.m2dp import M2dp
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
 from deepring.methods.scan_context import ScanContext
+from deepring.methods.scan_context_plus_plus import CartContext, PolarContext
 from deepring.methods.ssc import Ssc
 from deepring.rasters import (
     BevRaster,
     ContextRaster,
     FeatureBevRaster,
     HeightRaster,
+    HistogramRaster,
+    IrisRaster,
     PointsRaster,
+    PolarContextRaster,
     SemanticPointsRaster,
     VoxelRaster,
     raster_settings,
@@ -26,6 +33,8 @@ from helpers.networks import deepring_settings
 BEV = BevRaster(cells=24)
 CONTEXT = ContextRaster(sectors=24, rings=8)
 HEIGHTS = HeightRaster(layers=2, sectors=24, rings=16)
+IRIS = IrisRaster(sectors=72, rings=20)
+POLAR_CONTEXT = PolarContextRaster(sectors=24, rings=8, least=1)
 POINTS = PointsRaster(count=64)
 CLASSES = SemanticPointsRaster(sectors=36, rings=10, count=300)
 VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
@@ -66,6 +75,11 @@ TINY = {
     "ring": lambda: Ring(BEV, angles=24, bins=24),
     "ring_plus_plus": lambda: RingPlusPlus(FeatureBevRaster(cells=24), angles=24, bins=24),
     "scan_context": lambda: ScanContext(CONTEXT),
+    "fast_histogram": lambda: FastHistogram(HistogramRaster(buckets=20)),
+    "m2dp": M2dp,
+    "lidar_iris": lambda: LidarIris(IRIS),
+    "polar_context": lambda: PolarContext(POLAR_CONTEXT),
+    "cart_context": CartContext,
     "ssc": lambda: Ssc(CLASSES),
     "disco": disco,
     "pointnetvlad": pointnetvlad,

@@ -244,7 +244,7 @@ def test_values_that_no_map_has_are_refused(saved, name, value, message):
         ("poses", lambda poses: poses * math.nan, "not finite"),
         ("index.values", lambda values: values[..., 1:], "rows: shapes"),
         ("index.code", lambda code: code[:, 1:], "components = "),
-        ("code.basis", lambda basis: basis[1:], r"code: .* \(\(30, 16\)"),
+        ("code.basis", lambda basis: basis[1:], r"code: .* \(\(30, 24\)"),
     ],
 )
 def test_tensors_that_no_map_has_are_refused(saved, name, change, message):

@@ -8,18 +8,25 @@ from deepring.errors import ConfigError, DataError
 from deepring.methods.deepring import DeepRing
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
+from deepring.methods.fast_histogram import FastHistogram
+from deepring.methods.lidar_iris import LidarIris
+from deepring.methods.m2dp import M2dp
 from deepring.methods.method import index_of
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.registry import register_method
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
 from deepring.methods.scan_context import ScanContext
+from deepring.methods.scan_context_plus_plus import CartContext, PolarContext
 from deepring.rasters import (
     BevRaster,
     ContextRaster,
     FeatureBevRaster,
     HeightRaster,
+    IrisRaster,
+    M2dpRaster,
     PointsRaster,
+    PolarContextRaster,
     VoxelRaster,
     raster_settings,
 )
@@ -49,6 +56,16 @@ def small(name):
             return RingPlusPlus(FeatureBevRaster(cells=16), 16, 16)
         case "scan context":
             return ScanContext(ContextRaster(12, 6))
+        case "fast histogram":
+            return FastHistogram()
+        case "m2dp":
+            return M2dp(M2dpRaster(signs=4))
+        case "lidar iris":
+            return LidarIris(IrisRaster(24, 16))
+        case "polar context":
+            return PolarContext(PolarContextRaster(12, 6, sideways=(0.0, 2.0)))
+        case "cart context":
+            return CartContext()
         case "disco":
             raster = raster_settings(HeightRaster(layers=4, sectors=16, rings=16))
             return Disco(DiscoSettings(raster=raster, widths=(2, 2), size=8))
@@ -72,6 +89,7 @@ def small(name):
 METHODS = (
     *("deepring", "deepring l2", "ring", "ring published", "ring++", "scan context", "disco"),
     *("pointnetvlad", "egonn"),
+    *("fast histogram", "m2dp", "lidar iris", "polar context", "cart context"),
 )
 
 

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from deepring.errors import DeepringError
 from deepring.evaluation.case import Case
 from deepring.paper.ablation import ablation_tables
-from deepring.paper.ablation_results import collect_rows
+from deepring.paper.ablation_results import by_place, collect_rows
 from deepring.paper.ablation_tables import number_table, shown_table
+from deepring.paper.comparison import is_comparison
 from deepring.paper.seed_groups import ABOUT_INTERVALS, Run, varied
 from deepring.paper.seed_words import mean_text
 from helpers.results import result_of, without_intervals
@@ -349,3 +350,27 @@ def test_notes_say_whose_seeds_are_lacking_and_which_commits_made_the_runs():
     assert notes[-1] == "left out: x"
     means = "mean ± sample standard deviation over the seeds 0, 1"
     assert table(runs[:2]).notes == [means, ABOUT_INTERVALS]
+
+
+def test_a_part_of_the_config_that_rows_have_or_lack_is_one_column():
+    polar = {"method.polar": {"rings": 60, "share": 0.2}}
+    runs = [run(0.5), run(0.6, changes=polar), run(0.7, changes=polar | {"optimizer.lr": 0.1})]
+    grid = shown_table(table(runs))
+    assert column(grid, "method.polar") == ["-", "with", "with"]
+    other = {"method.polar": {"rings": 30, "share": 0.2}}
+    grid = shown_table(table([*runs, run(0.8, changes=other)]))
+    assert column(grid, "method.polar.rings") == ["-", "30", "60", "60"]
+    assert "method.polar" not in grid.headers
+
+
+def test_a_sweep_tested_in_several_places_is_a_table_for_each():
+    there = Case("DeepRING", "sim", "city", "test")
+    runs = [
+        replace(one, results=[*one.results, replace(one.results[1], case=there, recall_1=recall)])
+        for one, recall in ((run(0.5), 0.2), (run(0.6, changes=GAP), 0.1))
+    ]
+    assert not is_comparison(runs)
+    places = by_place(runs)
+    assert list(places) == ["sim test", "city test"]
+    recalls = [column(shown_table(table(some)), "Recall@1") for some in places.values()]
+    assert recalls == [["0.600", "0.500"], ["0.100", "0.200"]]

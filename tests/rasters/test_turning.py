@@ -26,10 +26,12 @@ def scan(sectors):
     return np.stack([r * np.cos(azimuth), r * np.sin(azimuth), z], axis=1).astype(np.float32)
 
 
-@pytest.mark.parametrize("kind", ["polar", "context", "heights", "range", "voxels", "points"])
+@pytest.mark.parametrize(
+    "kind", ["polar", "context", "iris", "heights", "range", "voxels", "points"]
+)
 @pytest.mark.parametrize("turn", [1, 7, 59, -3])
 def test_turning_the_raster_is_turning_the_scan(kind, turn):
-    values = {"polar": {"sectors": 60}, "range": {"sectors": 60}, "heights": {"sectors": 60}}
+    values = {name: {"sectors": 60} for name in ("polar", "range", "heights")}
     if kind == "voxels":
         values["voxels"] = {"degrees": 6.0, "max_voxels": 500}
     if kind == "points":

@@ -5,7 +5,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deepring.errors import DeepringError
+from deepring.errors import DataError, DeepringError
 from deepring.search import block_store as rows_module
 from deepring.search.block_store import BlockStore
 from deepring.search.hits import Best
@@ -68,3 +68,19 @@ def test_the_best_are_those_of_one_stable_sort(scores, k, chunk):
         best.update(part[None], torch.arange(start, start + len(part)))
     assert torch.equal(best.score[0], values[order])
     assert best.place.shape == (1, len(order))
+
+
+def test_one_tensor_is_replaced_until_a_block_is_closed():
+    store = BlockStore()
+    store.add({"a": torch.arange(3), "b": torch.arange(3)})
+    mark = store.mark()
+    store.replace("a", torch.arange(3) + 10)
+    store.add({"a": torch.tensor([7]), "b": torch.tensor([8])})
+    (block,) = store.blocks()
+    assert block["a"].tolist() == [10, 11, 12, 7]
+    assert block["b"].tolist() == [0, 1, 2, 8]
+    store.rewind(mark)
+    assert store.blocks()[0]["a"].tolist() == [0, 1, 2]
+    store.attach({"a": torch.arange(1), "b": torch.arange(1)})
+    with pytest.raises(DataError, match="closed"):
+        store.replace("a", torch.arange(4))

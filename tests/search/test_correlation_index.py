@@ -19,6 +19,7 @@ from deepring.search.spectra import (
     LANES,
     best_shift,
     cross_spectra,
+    decode,
     encode,
     padded_spectra,
     tail_norms,
@@ -366,3 +367,39 @@ def test_an_index_without_all_of_its_code_is_refused(tmp_path, name):
     rewritten(folder / "index.safetensors", lacking=[name])
     with pytest.raises(FileError, match=r"codes: .* without their basis or step"):
         CorrelationIndex.open(folder)
+
+
+def test_a_map_built_place_by_place_gets_the_code_of_one_built_at_once():
+    database, settings = maps(300, 20, 40), SearchSettings(code=CodeSettings(4, 8))
+    slowly = index_of(database[:1], settings)
+    first = slowly.code
+    for place in database[1:]:
+        slowly.add(place[None])
+    at_once = fit_code(database[:256], settings.code)  # 1, 4, 16, 64, 256 places
+    assert torch.allclose(slowly.code.step, at_once.step, rtol=1e-3)
+    codes = torch.cat(codes_of(slowly), dim=-1)
+    assert (codes - slowly.code.encode(database)).abs().max() <= 1, "all by the last code"
+    assert (codes - first.encode(database)).abs().max() > 20
+
+
+def test_places_taken_back_leave_the_code_that_was():
+    database = maps(80, 20, 40)
+    index = index_of(database[:10], SearchSettings(code=CodeSettings(4, 8)))
+    mark, code, codes = index.mark(), index.code, torch.cat(codes_of(index), dim=-1)
+    index.add(database[10:])
+    assert not torch.equal(index.code.basis, code.basis)
+    index.rewind(mark)
+    assert index.code is code
+    assert torch.equal(torch.cat(codes_of(index), dim=-1), codes)
+
+
+def codes_of(index):
+    return [block["code"] for block in index.places.blocks()]
+
+
+@pytest.mark.parametrize("precision", ["float32", "bfloat16", "int8"])
+def test_spectra_give_their_descriptors_back(precision):
+    database = maps(5, 15, 7)
+    again = decode(encode(database, precision), (15, 7))
+    within = {"float32": 1e-6, "bfloat16": 0.02, "int8": 0.05}[precision]
+    assert torch.allclose(again, database, atol=within * float(database.abs().max()))

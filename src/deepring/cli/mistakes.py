@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from deepring.errors import DeepringError, StoppedError
-from deepring.io.files import reason_of
+from deepring.io.files import text_of
 from deepring.text import printable
 
 #: Exit status of a user's mistake, as of argparse.
@@ -80,7 +80,4 @@ def is_mistake(error: Exception) -> bool:
 
 
 def _text(error: Exception) -> str:
-    if not isinstance(error, OSError):
-        return str(error)
-    message = reason_of(error)
-    return message if error.filename in (None, "") else f"{error.filename}: {message}"
+    return text_of(error) if isinstance(error, OSError) else str(error)

@@ -9,12 +9,14 @@ from matplotlib.figure import Figure
 from deepring.checks import one_of
 from deepring.cli.console import console
 from deepring.cli.options import expect_folder
+from deepring.evaluation.case import in_file_names
 from deepring.evaluation.matches import FOLDER, matches_in
 from deepring.evaluation.metrics import Over
 from deepring.experiment.runs import find_runs
 from deepring.io.files import replacing
 from deepring.paper.ablation import AblationTable, ablation_tables
 from deepring.paper.ablation_figures import ablation_figure
+from deepring.paper.ablation_results import by_place
 from deepring.paper.ablation_tables import number_table, shown_table
 from deepring.paper.comparison import MethodComparison, compare, is_comparison
 from deepring.paper.comparison_figures import comparison_figure, curve_panels
@@ -38,7 +40,14 @@ def tables_command(args: argparse.Namespace) -> None:
     if is_comparison(runs):
         _show_comparison(compare(runs, args.radius, over, **options), runs, folder)
     else:
-        _show_ablation(ablation_tables(runs, args.radius, over, **options), folder)
+        places = by_place(runs)
+        # Runs that were tested elsewhere than others are for `ablation_tables` to refuse.
+        if len(places) < 2 or any(len(there) < len(runs) for there in places.values()):
+            _show_ablation(ablation_tables(runs, args.radius, over, **options), folder)
+            return
+        for place, there in places.items():
+            tables = ablation_tables(there, args.radius, over, **options)
+            _show_ablation(tables, folder / in_file_names(place))
 
 
 def _show_ablation(tables: Sequence[AblationTable], folder: Path) -> None:

@@ -124,7 +124,7 @@ def _sweep_job(composed: DictConfig) -> float:
 
     open_streams()  # it may be the first thing that a process of the launcher does
     tune_process()
-    _keep_lightning_quiet()
+    _keep_log_short()
     _name_in_log(Path(HydraConfig.get().runtime.output_dir).name)
     score = None
     with note_outcome(is_mistake):
@@ -141,7 +141,7 @@ def _train(composed: DictConfig) -> None:
     cfg = check_config(composed)
     from deepring.experiment.train import train
 
-    _keep_lightning_quiet()
+    _keep_log_short()
     outcome = train(cfg, run_folder(cfg.paths.run))
     if outcome.results:
         show(cfg.evaluation, outcome.results)
@@ -169,8 +169,9 @@ def _evaluate(composed: DictConfig) -> None:
     console.print(f"tables       deepring tables {folder}")
 
 
-def _keep_lightning_quiet() -> None:
+def _keep_log_short() -> None:
     """Drop Lightning's tips and device lines, but not its warnings. Call it after the import."""
+    logging.raiseExceptions = False  # a full disk is told once, not with each line of the log
     # Lightning calls a function that torch has renamed, which the user cannot change.
     warnings.filterwarnings("ignore", message=".*LeafSpec.*")
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)

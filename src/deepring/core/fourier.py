@@ -21,5 +21,6 @@ def _of_any_batch(
 
 
 rfft, irfft = partial(_of_any_batch, "rfft"), partial(_of_any_batch, "irfft")
-fft, fft2 = partial(_of_any_batch, "fft"), partial(_of_any_batch, "fft2")
+fft, ifft = partial(_of_any_batch, "fft"), partial(_of_any_batch, "ifft")
+fft2 = partial(_of_any_batch, "fft2")
 rfft2, irfft2 = partial(_of_any_batch, "rfft2"), partial(_of_any_batch, "irfft2")

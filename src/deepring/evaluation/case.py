@@ -1,9 +1,13 @@
 """Cases: which method was tested where. Results, matches and descriptors belong to one."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 from deepring.errors import ConfigError
+
+#: Training datasets that a table names all.
+_FEW = 3
 
 
 @dataclass(frozen=True, order=True)
@@ -43,6 +47,15 @@ class Case:
         return f"{self.test} {self.region}".strip()
 
     @property
+    def trained_on(self) -> str:
+        """The training datasets as a table shows them: the first ones of many, and their number.
+
+        >>> Case("DeepRING", "a+b+c+d+e", "nclt", "test").trained_on
+        'a and 4 more'
+        """
+        return shortened(self.train.split("+"), "+")
+
+    @property
     def in_domain(self) -> bool:
         """Whether it was trained on the dataset that it is tested on, and on no other."""
         return self.train == self.test
@@ -68,3 +81,10 @@ def in_file_names(text: str) -> str:
     '_RING_120'
     """
     return re.sub(r"[^A-Za-z0-9_-]+", "_", text)
+
+
+def shortened(names: Sequence[str], joint: str) -> str:
+    """Names put together; of many the first, and the number of the others."""
+    if len(names) <= _FEW:
+        return joint.join(names)
+    return f"{names[0]} and {len(names) - 1} more"

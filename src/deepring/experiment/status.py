@@ -11,7 +11,7 @@ from filelock import FileLock, Timeout
 
 from deepring import checks
 from deepring.errors import DataError, DeepringError, FileError, StoppedError
-from deepring.io.files import replacing
+from deepring.io.files import replacing, text_of
 from deepring.io.strict_json import read_json
 from deepring.text import shown
 
@@ -88,7 +88,9 @@ def _note(folder: Path, status: Status) -> None:
 
 
 def reason(error: Exception) -> str:
-    """The message of an error, with its type unless it is a DeepringError."""
+    """The message of an error, with its type unless it is ours or the operating system's."""
+    if isinstance(error, OSError):
+        return text_of(error)
     return str(error) if isinstance(error, DeepringError) else f"{type(error).__name__}: {error}"
 
 

@@ -146,7 +146,7 @@ def note_outcome(is_mistake: Callable[[Exception], bool]) -> Iterator[None]:
         raise KeyboardInterrupt from error  # ends the sweep, where an error would not
     except Exception as error:
         note["error"] = reason(error)
-        log.error("failed: %s", error, exc_info=not is_mistake(error))
+        log.error("failed: %s", note["error"], exc_info=not is_mistake(error))
     else:
         note["error"] = None
     finally:

@@ -13,6 +13,7 @@ from lightning.pytorch.callbacks import Timer
 from deepring.data.dataset import PlaceDataset, RetrievalSet
 from deepring.data.session import Session
 from deepring.errors import ConfigError, StoppedError
+from deepring.evaluation.case import shortened
 from deepring.evaluation.results import Result
 from deepring.experiment import build
 from deepring.experiment.config import Config
@@ -80,7 +81,7 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
             "training %d parameters of %s on %s",
             sum(p.numel() for p in method.parameters()),
             method.settings.label,
-            " + ".join(dataset.name for dataset in trains),
+            shortened([dataset.name for dataset in trains], " + "),
         )
         _fit(trainer, module, datamodule, cfg.resume, folder)
         checkpoint, score = _best_checkpoint(trainer, folder)

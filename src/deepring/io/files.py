@@ -28,6 +28,12 @@ def reason_of(error: OSError) -> str:
     return _REASONS.get(error.errno or 0) or error.strerror or type(error).__name__
 
 
+def text_of(error: OSError) -> str:
+    """The file, where the system names it, and why it refused."""
+    message = reason_of(error)
+    return message if error.filename in (None, "") else f"{error.filename}: {message}"
+
+
 def part_of(path: Path) -> Path:
     """The hidden file that holds the content of ``path`` until it is complete."""
     return path.with_name(f".{path.name}.part")

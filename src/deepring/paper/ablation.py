@@ -31,6 +31,9 @@ Name = Literal["table3", "table4", "ablation"]
 #: The headers of the first column of Table III and of Table IV.
 GROUP, CLASSES = "Ablation", "No. Class"
 
+#: The cell of a row that has a part of the config which others lack.
+WITH = "with"
+
 #: The headers of a row's components.
 COMPONENTS = ("Input", "Aggregation", "Loss")
 _GROUPS = ("Representation", "Aggregation", "Loss", "Ours")
@@ -146,7 +149,7 @@ def _component_entries(rows: Sequence[SeedGroup]) -> list[Entry]:
 
     return [
         Entry(
-            {GROUP: _group(components(row))} | _component_names(row) | _texts(row, keys),
+            {GROUP: _group(components(row))} | _component_names(row) | _texts(row, keys, rows),
             row,
             paper_recall(row, rows),
         )
@@ -158,7 +161,7 @@ def _class_entries(rows: Sequence[SeedGroup]) -> list[Entry]:
     keys = [key for key in varied(rows) if key != WAYS]
     return [
         Entry(
-            {CLASSES: value_text(row.setting.get(WAYS))} | _texts(row, keys),
+            {CLASSES: value_text(row.setting.get(WAYS))} | _texts(row, keys, rows),
             row,
             paper_recall_at_ways(row, rows),
         )
@@ -169,7 +172,7 @@ def _class_entries(rows: Sequence[SeedGroup]) -> list[Entry]:
 def _key_entries(rows: Sequence[SeedGroup]) -> list[Entry]:
     keys = varied(rows)
     return [
-        Entry(_texts(row, keys) or _component_names(row), row, paper_recall(row, rows))
+        Entry(_texts(row, keys, rows) or _component_names(row), row, paper_recall(row, rows))
         for row in sorted(rows, key=lambda row: _sizes(row, keys))
     ]
 
@@ -178,8 +181,31 @@ def _component_names(row: SeedGroup) -> dict[str, str]:
     return dict(zip(COMPONENTS, components(row), strict=True))
 
 
-def _texts(row: SeedGroup, keys: Sequence[str]) -> dict[str, str]:
-    return {key: value_text(row.setting.get(key)) for key in keys}
+def _texts(row: SeedGroup, keys: Sequence[str], rows: Sequence[SeedGroup]) -> dict[str, str]:
+    """What a row is, by column: a key, or a whole part of the config that rows have or lack."""
+    whole = {part for part in map(_part, keys) if _whole(_within(part, keys), rows)}
+    texts = {}
+    for key in keys:
+        if (part := _part(key)) in whole:
+            texts[part] = NONE if row.setting.get(key) is None else WITH
+        else:
+            texts[key] = value_text(row.setting.get(key))
+    return texts
+
+
+def _part(key: str) -> str:
+    return key.rpartition(".")[0]
+
+
+def _within(part: str, keys: Sequence[str]) -> list[str]:
+    return [key for key in keys if _part(key) == part]
+
+
+def _whole(keys: Sequence[str], rows: Sequence[SeedGroup]) -> bool:
+    """Whether rows have all of several keys with the same values, or none of them."""
+    values = [[row.setting.get(key) for key in keys] for row in rows]
+    given = [of_row for of_row in values if any(value is not None for value in of_row)]
+    return len(keys) > 1 and all(None not in v and frozen(v) == frozen(given[0]) for v in given)
 
 
 def _sizes(row: SeedGroup, keys: Sequence[str]) -> list[tuple[int, float, str]]:

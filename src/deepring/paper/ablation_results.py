@@ -66,6 +66,25 @@ def collect_rows(
     return seed_groups(results, over, lambda each: frozen(each.setting)), notes
 
 
+def learnt_by(run: Run) -> dict[str, Any]:
+    """The settings of a run without its data, its protocol and its seed."""
+    setting = _setting(run)
+    return {key: value for key, value in setting.items() if not PROTOCOL.fullmatch(key)}
+
+
+def by_place(runs: Sequence[Run]) -> dict[str, list[Run]]:
+    """Each place that runs were tested in, and the runs with their results there alone."""
+    places = dict.fromkeys(result.case.place for run in runs for result in run.results)
+    return {
+        place: [
+            replace(run, results=results)
+            for run in runs
+            if (results := [result for result in run.results if result.case.place == place])
+        ]
+        for place in places
+    }
+
+
 def _setting(run: Run) -> dict[str, Any]:
     setting = run.setting
     # The other radii are counted besides, and change nothing.

@@ -9,7 +9,9 @@ from typing import Literal
 
 from deepring.evaluation.case import Case
 from deepring.evaluation.metrics import Over
+from deepring.paper.ablation_results import learnt_by
 from deepring.paper.comparison_results import collect_cases, remarks_of, training_minutes
+from deepring.paper.flat import frozen
 from deepring.paper.paper_values import FAMILIES, Rates, family, paper_rates, place_of
 from deepring.paper.seed_groups import Run, SeedGroup, within
 
@@ -40,15 +42,16 @@ class MethodComparison:
         return f"{within(self.rows)}, recall over {self.over} queries"
 
 
-def is_comparison(runs: Iterable[Run]) -> bool:
+def is_comparison(runs: Sequence[Run]) -> bool:
     """Whether the runs compare methods rather than settings of DeepRING.
 
-    They are where some run is of another method than DeepRING by its ``method._target_``, was
-    tested in several places, or evaluates a checkpoint beside other methods.
+    They do where some run is of another method than DeepRING by its ``method._target_``, or
+    evaluates a checkpoint beside other methods, or where runs of one setting were tested in several
+    places.
     """
-    return any(
+    several = any(len({result.case.place for result in run.results}) > 1 for run in runs)
+    return (several and len({frozen(learnt_by(run)) for run in runs}) == 1) or any(
         str(run.setting.get("method._target_")).rpartition(".")[2] != "DeepRing"
-        or len({result.case.place for result in run.results}) > 1
         or run.config.get("checkpoint") is not None
         for run in runs
     )

@@ -90,7 +90,7 @@ def _methods_table(
             case = block[number].case
             dataset = case.place if name == "further" else case.test
             # A dataset is named once.
-            texts = ["" if number else dataset, case.method, case.train or NONE]
+            texts = ["" if number else dataset, case.method, case.trained_on or NONE]
             cells.append([*map(Cell, texts[: len(names)]), *values])
     headers = [h for shown in _SHOWN.values() for h in (shown, "paper")[: 1 + with_paper]]
     breaks, title = _starts(blocks), f"{_TITLES[name]}: {conditions}"
@@ -142,7 +142,7 @@ def _crossing_table(crossings: Sequence[_Crossing], comparison: MethodComparison
             best_bold([mean_text([b - a for a, b in both], "+") for both in of_rows], best),
         ]
         for number, ((case, _, _), *values) in enumerate(zip(group, *columns, strict=True)):
-            own = ["" if number else case.test, case.method, case.train]
+            own = ["" if number else case.test, case.method, case.trained_on]
             cells.append([*map(Cell, own), *values])
     means = about_groups(
         (f"{case.method} on {case.test}", list(both)) for case, both, _ in crossings

@@ -117,7 +117,7 @@ def _pairs(block: Block, retrieved: Retrieved, radius: float) -> Iterator[Pair]:
 
 
 def _label(row: SeedGroup) -> str:
-    return f"{row.case.method} ({row.case.train})" if row.case.train else row.case.method
+    return f"{row.case.method} ({row.case.trained_on})" if row.case.train else row.case.method
 
 
 def _listed(texts: Iterable[str]) -> str:

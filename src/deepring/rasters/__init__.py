@@ -2,11 +2,16 @@
 
 from deepring.rasters.base import RASTERS, Raster, make_raster, raster_settings
 from deepring.rasters.bev import BevRaster
+from deepring.rasters.cart_context import CartContextRaster
 from deepring.rasters.context import ContextRaster
 from deepring.rasters.features import FeatureBevRaster
 from deepring.rasters.heights import HeightRaster
+from deepring.rasters.histogram import HistogramRaster
+from deepring.rasters.iris import IrisRaster
+from deepring.rasters.m2dp import M2dpRaster
 from deepring.rasters.points import PointsRaster
 from deepring.rasters.polar import PolarRaster
+from deepring.rasters.polar_context import PolarContextRaster
 from deepring.rasters.preprocessing import Preprocessing
 from deepring.rasters.range_image import RangeRaster
 from deepring.rasters.semantic import SemanticRaster
@@ -16,10 +21,15 @@ from deepring.rasters.voxels import VoxelRaster
 __all__ = [
     "RASTERS",
     "BevRaster",
+    "CartContextRaster",
     "ContextRaster",
     "FeatureBevRaster",
     "HeightRaster",
+    "HistogramRaster",
+    "IrisRaster",
+    "M2dpRaster",
     "PointsRaster",
+    "PolarContextRaster",
     "PolarRaster",
     "Preprocessing",
     "RangeRaster",

@@ -203,7 +203,7 @@ def _cells(group: Sequence[Result], columns: Sequence[_Column]) -> list[list[Cel
 
 _NAMES = (
     _Column("method", lambda result: result.case.method),
-    _Column("trained on", lambda result: result.case.train or NONE),
+    _Column("trained on", lambda result: result.case.trained_on or NONE),
 )
 
 _RATES = (

@@ -61,6 +61,14 @@ class BlockStore:
             _rows(self._tail[name], self._tail_rows, count, name).copy_(value)
         self._tail_rows = total
 
+    def replace(self, name: str, rows: Tensor) -> None:
+        """Put other rows in the place of all of one tensor. Only where no block is closed."""
+        if self._closed:
+            raise DataError(f"rows: {name} of {len(self._closed)} closed blocks, expected none")
+        # A new tail, since `mark` may hold the old one.
+        capacity = _length(self._tail)
+        self._tail = self._tail | {name: _with_capacity(rows, rows, capacity, axis_of(name))}
+
     def mark(self) -> tuple[list[Block], Block, int]:
         """The present rows, to which `rewind` goes back."""
         return list(self._closed), self._tail, self._tail_rows

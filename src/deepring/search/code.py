@@ -21,6 +21,9 @@ from deepring.errors import DataError
 #: Rows and columns of a descriptor, and of what is made of it.
 LONGEST = 8192
 
+#: Descriptors that a code is fitted to.
+ENOUGH = 1024
+
 
 @dataclass(frozen=True)
 class CodeSettings:
@@ -96,7 +99,11 @@ def expect_code(code: Code, shape: tuple[int, int], settings: CodeSettings) -> C
 
 
 def fit_code(descriptors: Float[Tensor, "n theta omega"], settings: CodeSettings) -> Code:
-    """A code fitted to descriptors (n, θ, ω); smaller than the settings if θ or ω is small."""
+    """A code fitted to descriptors (n, θ, ω); smaller than the settings if θ or ω is small.
+
+    Of many descriptors `ENOUGH` are taken, evenly: more do not make it better.
+    """
+    descriptors = descriptors[:: max(1, len(descriptors) // ENOUGH)]
     rows, columns = descriptors.shape[1:]
     frequencies = min(settings.frequencies, rows // 2 + 1)
     components = min(settings.components, columns)

@@ -26,7 +26,11 @@ from deepring.search.hits import Best, Hits
 from deepring.search.index_file import FORMAT, IndexHeader
 from deepring.search.search_settings import SearchSettings
 from deepring.search.shards import INDEX, Shard, expect_block, read_shards, write_shard
-from deepring.search.spectra import encode, padded_spectra
+from deepring.search.spectra import Spectra, decode, encode, padded_spectra
+
+#: Places up to which a code is fitted anew as their number grows, so that a map built scan by scan
+#: has as good a code as one built at once: one fitted to a single scan ranks clearly worse.
+REFIT_BELOW = 1000
 
 
 class CorrelationIndex:
@@ -51,6 +55,7 @@ class CorrelationIndex:
         self.period, self.cells, self.device = period, cells, torch.device(device)
         self.places = BlockStore()
         self.code: Code | None = None
+        self._fitted = 0  # places that the code was fitted to
         self.shape: tuple[int, int] | None = None
         self._folder: Path | None = None
         self._shards: tuple[Shard, ...] = ()  # the first blocks, stored in that folder
@@ -59,7 +64,7 @@ class CorrelationIndex:
         return len(self.places)
 
     def add(self, descriptors: Any) -> None:
-        """Add places. The first ones added determine the code of all."""
+        """Add places. The first ones determine the code of all, see `REFIT_BELOW`."""
         descriptors = self._checked("descriptors", descriptors)
         if not len(descriptors):
             return
@@ -70,15 +75,31 @@ class CorrelationIndex:
             code = code or fit_code(descriptors, self.settings.code)
             rows["code"] = code.encode(descriptors)
         self.places.add(rows)
+        if self.code is None:
+            self._fitted = len(self)
         self.code, self.shape = code, (descriptors.shape[1], descriptors.shape[2])
+        self._fit_again()
+
+    def _fit_again(self) -> None:
+        """Fit the code to all places once there are four times as many as it was fitted to."""
+        if self.settings.code is None or self._fitted >= min(REFIT_BELOW, len(self) // 4 + 1):
+            return
+        blocks = self.places.blocks()
+        if len(blocks) > 1 or self._shards:
+            return
+        spectra = Spectra(*(blocks[0][name] for name in Spectra._fields))
+        descriptors = decode(spectra, self._shape)
+        self.code = fit_code(descriptors, self.settings.code)
+        self.places.replace("code", self.code.encode(descriptors))
+        self._fitted = len(self)
 
     def mark(self) -> tuple[Any, ...]:
         """The present places, to which `rewind` goes back."""
-        return self.places.mark(), self.code, self.shape
+        return self.places.mark(), self.code, self._fitted, self.shape
 
     def rewind(self, mark: tuple[Any, ...]) -> None:
         """Drop the places added since `mark`."""
-        rows, self.code, self.shape = mark
+        rows, self.code, self._fitted, self.shape = mark
         self.places.rewind(rows)
 
     def search(
@@ -249,13 +270,18 @@ class CorrelationIndex:
                 "codes: present but search.code is null, or missing, or without their basis or "
                 "step; expected all or none"
             )
+        self._fitted = len(self)
         for block in self.places.blocks():
             expect_block(block, shape, self.settings.precision, self.code)
 
     @property
     def _rows(self) -> int:
+        return self._shape[0]
+
+    @property
+    def _shape(self) -> tuple[int, int]:
         assert self.shape is not None
-        return self.shape[0]
+        return self.shape
 
     def _checked(self, name: str, values: Any) -> Float32[Tensor, "n theta omega"]:
         descriptors = given_descriptors(name, values, self.shape, ("θ", "ω"))

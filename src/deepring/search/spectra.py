@@ -60,6 +60,14 @@ def encode(descriptors: Float[Tensor, "n theta omega"], precision: Precision) ->
     return Spectra(values, scale, tail_norms(decoded, descriptors.shape[1]))
 
 
+def decode(spectra: Spectra, shape: tuple[int, int]) -> Float32[Tensor, "n theta omega"]:
+    """Descriptors (n, θ, ω) of a ``shape`` (θ, ω), as precisely as their spectra were stored."""
+    rows, columns = shape
+    values = spectra.values[..., :columns].float() * spectra.scale[..., None, None]
+    parts = torch.view_as_complex(values.transpose(-1, -2).contiguous())
+    return fourier.irfft(parts, n=rows, dim=1)
+
+
 def tail_norms(spectra: Float32[Tensor, "n k 2 w"], rows: int) -> Float32[Tensor, "n c"]:
     """Norms (n, c) of the spectra (n, k, 2, w) from frequency 8, 16, ... on.
 
