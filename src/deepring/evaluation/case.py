@@ -77,10 +77,10 @@ class Case:
 def in_file_names(text: str) -> str:
     """A text as part of a file's name: letters, digits, '-' and '_'.
 
-    >>> in_file_names("../RING 120")
-    '_RING_120'
+    >>> in_file_names("../RING 120"), in_file_names("RING++")
+    ('_RING_120', 'RINGplusplus')
     """
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", text)
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", text.replace("+", "plus"))
 
 
 def shortened(names: Sequence[str], joint: str) -> str:
