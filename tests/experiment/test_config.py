@@ -211,7 +211,7 @@ def test_groups_and_their_defaults_are_known_without_composing():
     train = chosen_options(config_folder(), "train")
     assert (train["method"], train["method/encoder"], train["sweep"]) == ("deepring", "unet", None)
     assert set(options) == set(train), "a group that nothing takes an option of"
-    assert options["train"] == sorted([*options["data"], "many_worlds"])
+    assert options["train"] == sorted([*options["data"], "few_worlds", "many_worlds"])
     assert options["test"] == sorted([*options["data"], "validation_worlds"])
     assert {"unet", "unet_small"} <= set(options["method/encoder"])
 

@@ -12,6 +12,7 @@ from deepring.errors import DataError
 from deepring.evaluation.case import Case
 from deepring.evaluation.counting import precision_recall
 from deepring.evaluation.matches import TopMatches
+from deepring.evaluation.reranked_labels import method_label
 from deepring.paper.comparison import Block, MethodComparison
 from deepring.paper.seed_groups import SeedGroup
 from deepring.reports.style import INK, LABEL_SIZE, legend_below, new_figure, series, style_axes
@@ -33,6 +34,8 @@ def curve_panels(
 ) -> tuple[Panels, list[str]]:
     """A panel for each test in Tables I and II, a curve for each row and seed.
 
+    Rows with re-ranking are left out: twice as many lines cannot be told apart.
+
     Args:
         comparison: whose rows and radius are taken.
         retrieved: seed of the run, and what it retrieved in one test; those of a case and seed
@@ -46,7 +49,7 @@ def curve_panels(
         DataError: as `precision_recall`.
     """
     blocks = {
-        f"{block[0].case.test}, {_PANELS[name]}": block
+        f"{block[0].case.test}, {_PANELS[name]}": [row for row in block if _first_stage(row)]
         for name, blocks in comparison.blocks.items()
         if name in _PANELS
         for block in blocks
@@ -62,6 +65,10 @@ def curve_panels(
     panels = {title: _panel(block, curves) for title, block in blocks.items()}
     lacking = [text for row in wanted.values() for text in _lacking(row, curves[row.case])]
     return {title: panel for title, panel in panels.items() if panel}, lacking
+
+
+def _first_stage(row: SeedGroup) -> bool:
+    return method_label(row.case.method) == row.case.method
 
 
 def comparison_figure(panels: Panels, radius: float) -> Figure:

@@ -56,9 +56,16 @@ def style_axes(axes: Axes, title: str, across: str, up: str, *, grid: bool = Tru
 
 
 def legend_below(figure: Figure, columns: int, **options: Any) -> None:
-    """What the marks mean, below all axes; ``options`` are those of ``Figure.legend``."""
-    options |= {"ncols": columns, "fontsize": SMALL_SIZE, "frameon": False}
-    figure.legend(loc="outside lower center", **options)
+    """What the marks mean, below all axes, in as many columns as fit, at most ``columns``.
+
+    ``options`` are those of ``Figure.legend``.
+    """
+    options |= {"fontsize": SMALL_SIZE, "frameon": False, "loc": "outside lower center"}
+    for number in range(columns, 0, -1):
+        legend = figure.legend(ncols=number, **options)
+        if number == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            return
+        legend.remove()
 
 
 def without_formulas(figure: Figure) -> Figure:
