@@ -26,6 +26,7 @@ _METHODS = {
     "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
     "disco": "deepring.methods.disco.Disco",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",
+    "locnet": "deepring.methods.locnet.LocNet",
 }
 
 #: DeepRING's representations: the raster's kind, and settings beside the defaults. The rows and

@@ -23,6 +23,7 @@ _METHODS: dict[str, str | type] = {
     "disco": "deepring.methods.disco.Disco",
     "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",
+    "locnet": "deepring.methods.locnet.LocNet",
 }
 """Classes, or their dotted paths, which are imported when they are asked for."""
 

@@ -14,6 +14,7 @@ from deepring.rasters.polar import PolarRaster
 from deepring.rasters.polar_context import PolarContextRaster
 from deepring.rasters.preprocessing import Preprocessing
 from deepring.rasters.range_image import RangeRaster
+from deepring.rasters.ring_histogram import RingHistogramRaster
 from deepring.rasters.semantic import SemanticRaster
 from deepring.rasters.semantic_points import SemanticPointsRaster
 from deepring.rasters.voxels import VoxelRaster
@@ -34,6 +35,7 @@ __all__ = [
     "Preprocessing",
     "RangeRaster",
     "Raster",
+    "RingHistogramRaster",
     "SemanticPointsRaster",
     "SemanticRaster",
     "VoxelRaster",

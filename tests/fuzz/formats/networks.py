@@ -28,7 +28,7 @@ from fuzz.scenes import scene
 from helpers.tiny_methods import TINY
 
 #: All that learn.
-_METHODS = ("deepring", "disco", "pointnetvlad", "egonn")
+_METHODS = ("deepring", "disco", "pointnetvlad", "egonn", "locnet")
 _SCAN = np.array(scene(1), np.float32)
 
 
