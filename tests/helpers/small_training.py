@@ -39,4 +39,8 @@ TINY_METHODS = {
         *("sampling.pairs=4", "sampling.per_epoch=2"),
         *("sampling.positive_radius=10", "sampling.negative_radius=20"),
     ),
+    "rinet": (
+        *("method.raster.sectors=36", "method.widths=[2,2]", "method.steps=[3]"),
+        *("sampling.pairs=4", "sampling.per_epoch=2"),
+    ),
 }

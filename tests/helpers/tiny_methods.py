@@ -10,6 +10,7 @@ from deepring.methods.lidar_iris import LidarIris
 from deepring.methods.locnet import LocNet, LocNetSettings
 from deepring.methods.m2dp import M2dp
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
+from deepring.methods.rinet import RINet, RINetSettings
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
 from deepring.methods.scan_context import ScanContext
@@ -26,6 +27,7 @@ from deepring.rasters import (
     PolarContextRaster,
     RingHistogramRaster,
     SemanticPointsRaster,
+    SemanticRangesRaster,
     VoxelRaster,
     raster_settings,
 )
@@ -78,6 +80,12 @@ def locnet():
     return LocNet(LocNetSettings(raster_settings(RINGS), channels=(4, 6), dimension=8))
 
 
+def rinet():
+    torch.manual_seed(0)
+    raster = raster_settings(SemanticRangesRaster(sectors=36))
+    return RINet(RINetSettings(raster, widths=(4, 8), steps=(3,), hidden=8))
+
+
 TINY = {
     "deepring": deepring,
     "ring": lambda: Ring(BEV, angles=24, bins=24),
@@ -93,4 +101,5 @@ TINY = {
     "pointnetvlad": pointnetvlad,
     "egonn": egonn,
     "locnet": locnet,
+    "rinet": rinet,
 }

@@ -27,6 +27,7 @@ _METHODS = {
     "disco": "deepring.methods.disco.Disco",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",
     "locnet": "deepring.methods.locnet.LocNet",
+    "rinet": "deepring.methods.rinet.RINet",
 }
 
 #: DeepRING's representations: the raster's kind, and settings beside the defaults. The rows and

@@ -3,6 +3,7 @@
 from deepring.rasters.base import RASTERS, Raster, make_raster, raster_settings
 from deepring.rasters.bev import BevRaster
 from deepring.rasters.cart_context import CartContextRaster
+from deepring.rasters.channel_ranges import HeightRangesRaster, SemanticRangesRaster
 from deepring.rasters.context import ContextRaster
 from deepring.rasters.features import FeatureBevRaster
 from deepring.rasters.heights import HeightRaster
@@ -25,6 +26,7 @@ __all__ = [
     "CartContextRaster",
     "ContextRaster",
     "FeatureBevRaster",
+    "HeightRangesRaster",
     "HeightRaster",
     "HistogramRaster",
     "IrisRaster",
@@ -37,6 +39,7 @@ __all__ = [
     "Raster",
     "RingHistogramRaster",
     "SemanticPointsRaster",
+    "SemanticRangesRaster",
     "SemanticRaster",
     "VoxelRaster",
     "make_raster",
