@@ -71,7 +71,7 @@ class LocNet(NetworkMethod):
             nn.ReLU(),
         )
         for layer in self.layers:
-            if isinstance(layer, nn.Conv2d | nn.Linear):
+            if isinstance(layer, nn.Conv2d | nn.Linear) and layer.bias is not None:
                 nn.init.xavier_uniform_(layer.weight)
                 nn.init.zeros_(layer.bias)
 

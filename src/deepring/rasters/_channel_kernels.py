@@ -3,6 +3,8 @@
 numba's cache does not notice changes in `_polar_kernels`: delete ``__pycache__`` after an edit.
 """
 
+from typing import no_type_check
+
 import numpy as np
 from numba import njit
 
@@ -11,6 +13,7 @@ from deepring.rasters._polar_kernels import polar_cells
 
 
 @njit(cache=True, nogil=True)
+@no_type_check
 def channel_ranges(flat, channel, farthest, radius, out):
     """Set ``out`` (sectors, channels) float32 to the range of a point of each sector and channel.
 

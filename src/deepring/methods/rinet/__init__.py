@@ -93,7 +93,9 @@ class RINet(NetworkMethod):
         # Only descriptors under training want the gradient, the head's weights alone do not.
         wanted = torch.is_grad_enabled() and (queries.requires_grad or database.requires_grad)
         with torch.set_grad_enabled(wanted):
-            blocks = [self.head(part[:, None], database[None]) for part in queries.split(rows)]
+            blocks = [
+                self.head(part[:, None], database[None]) for part in torch.split(queries, rows)
+            ]
         return Comparison(torch.cat(blocks), None)
 
     @property

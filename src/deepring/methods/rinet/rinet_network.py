@@ -63,7 +63,7 @@ def strongest_phase(
     tensor([[[ 0.,  0.,  0.],
              [ 1., -6.,  0.]]])
     """
-    phases = x.unflatten(-1, (-1, step))  # (b, c, θ / step, step)
+    phases = x.reshape(*x.shape[:-1], x.shape[-1] // step, step)  # (b, c, θ / step, step)
     # In double precision, so that rounding does not choose between phases.
     norms = phases.detach().double().abs().sum(dim=(1, 2))
     best = norms.argmax(dim=-1)[:, None, None, None].expand(-1, *phases.shape[1:3], 1)

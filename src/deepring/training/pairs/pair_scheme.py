@@ -69,8 +69,9 @@ class PairScheme(TrainingScheme):
         """Describe both scans of all pairs at once."""
         descriptors = method(batch.rasters)
         first, second = method.vectors(descriptors).chunk(2)
-        head = isinstance(method, PairHead)
-        logits = method.match_logits(*descriptors.chunk(2)) if head else None
+        logits: Tensor | None = None
+        if isinstance(method, PairHead):
+            logits = method.match_logits(*descriptors.chunk(2))
         return loss(PairDescriptors(first, second, logits, batch.same, batch.metres))
 
 
