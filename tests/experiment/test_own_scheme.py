@@ -23,12 +23,12 @@ def trained(tiny_nclt, tmp_path, monkeypatch):
     """A function that trains with the page's file and configs in a run folder of that name."""
     section = PAGE.read_text().partition("## Adding a training scheme")[2]
     (code,) = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
-    (tmp_path / "pairs.py").write_text(code)
+    (tmp_path / "partners.py").write_text(code)
     monkeypatch.syspath_prepend(str(tmp_path))
     conf = shutil.copytree(config_folder(), tmp_path / "conf")
     for config in re.findall(r"```yaml\n(.*?)```", section, re.DOTALL):
         path = re.match(r"# conf/(\S+)", config)[1]
-        (conf / path).write_text(config.replace("deepring.training.pairs", "pairs"))
+        (conf / path).write_text(config.replace("deepring.training.partners", "partners"))
     register_configs()
     monkeypatch.setattr("sys.dont_write_bytecode", True)
 
@@ -38,7 +38,7 @@ def trained(tiny_nclt, tmp_path, monkeypatch):
             composed = compose(
                 "train",
                 [
-                    *("sampling=pairs", "loss=info_nce", "sampling.pairs=4"),
+                    *("sampling=partners", "loss=info_nce", "sampling.pairs=4"),
                     *(
                         "sampling.per_epoch=3",
                         "method/encoder=unet_small",

@@ -34,4 +34,13 @@ TINY_METHODS = {
         *("sampling.size=4", "sampling.limit=6", "sampling.per_epoch=2"),
         *("sampling.positive_radius=10", "sampling.negative_radius=20"),
     ),
+    "locnet": (
+        *("method.raster.rows=16", "method.raster.buckets=20", "method.channels=[2,2]"),
+        *("sampling.pairs=4", "sampling.per_epoch=2"),
+        *("sampling.positive_radius=10", "sampling.negative_radius=20"),
+    ),
+    "rinet": (
+        *("method.raster.sectors=36", "method.widths=[2,2]", "method.steps=[3]"),
+        *("sampling.pairs=4", "sampling.per_epoch=2"),
+    ),
 }

@@ -7,8 +7,10 @@ from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
 from deepring.methods.fast_histogram import FastHistogram
 from deepring.methods.lidar_iris import LidarIris
+from deepring.methods.locnet import LocNet, LocNetSettings
 from deepring.methods.m2dp import M2dp
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
+from deepring.methods.rinet import RINet, RINetSettings
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
 from deepring.methods.scan_context import ScanContext
@@ -23,7 +25,9 @@ from deepring.rasters import (
     IrisRaster,
     PointsRaster,
     PolarContextRaster,
+    RingHistogramRaster,
     SemanticPointsRaster,
+    SemanticRangesRaster,
     VoxelRaster,
     raster_settings,
 )
@@ -37,6 +41,7 @@ IRIS = IrisRaster(sectors=72, rings=20)
 POLAR_CONTEXT = PolarContextRaster(sectors=24, rings=8, least=1)
 POINTS = PointsRaster(count=64)
 CLASSES = SemanticPointsRaster(sectors=36, rings=10, count=300)
+RINGS = RingHistogramRaster(rows=16, buckets=20)
 VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
 
 
@@ -70,6 +75,17 @@ def egonn():
     return EgoNnGlobal(EgoNnSettings(raster_settings(VOXELS), widths=(4, 4), global_levels=(2,)))
 
 
+def locnet():
+    torch.manual_seed(0)
+    return LocNet(LocNetSettings(raster_settings(RINGS), channels=(4, 6), dimension=8))
+
+
+def rinet():
+    torch.manual_seed(0)
+    raster = raster_settings(SemanticRangesRaster(sectors=36))
+    return RINet(RINetSettings(raster, widths=(4, 8), steps=(3,), hidden=8))
+
+
 TINY = {
     "deepring": deepring,
     "ring": lambda: Ring(BEV, angles=24, bins=24),
@@ -84,4 +100,6 @@ TINY = {
     "disco": disco,
     "pointnetvlad": pointnetvlad,
     "egonn": egonn,
+    "locnet": locnet,
+    "rinet": rinet,
 }

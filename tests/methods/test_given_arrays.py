@@ -10,10 +10,12 @@ from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
 from deepring.methods.fast_histogram import FastHistogram
 from deepring.methods.lidar_iris import LidarIris
+from deepring.methods.locnet import LocNet, LocNetSettings
 from deepring.methods.m2dp import M2dp
 from deepring.methods.method import index_of
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.registry import register_method
+from deepring.methods.rinet import RINet, RINetSettings
 from deepring.methods.ring import Ring
 from deepring.methods.ring_plus_plus import RingPlusPlus
 from deepring.methods.scan_context import ScanContext
@@ -22,11 +24,13 @@ from deepring.rasters import (
     BevRaster,
     ContextRaster,
     FeatureBevRaster,
+    HeightRangesRaster,
     HeightRaster,
     IrisRaster,
     M2dpRaster,
     PointsRaster,
     PolarContextRaster,
+    RingHistogramRaster,
     VoxelRaster,
     raster_settings,
 )
@@ -69,6 +73,12 @@ def small(name):
         case "disco":
             raster = raster_settings(HeightRaster(layers=4, sectors=16, rings=16))
             return Disco(DiscoSettings(raster=raster, widths=(2, 2), size=8))
+        case "locnet":
+            raster = raster_settings(RingHistogramRaster(rows=16, buckets=16))
+            return LocNet(LocNetSettings(raster, channels=(2, 2), dimension=4))
+        case "rinet":
+            raster = raster_settings(HeightRangesRaster(sectors=12, bands=4))
+            return RINet(RINetSettings(raster, widths=(2, 4), steps=(3,), hidden=4))
         case "pointnetvlad":
             raster = raster_settings(PointsRaster(count=32))
             return PointNetVlad(
@@ -88,7 +98,7 @@ def small(name):
 
 METHODS = (
     *("deepring", "deepring l2", "ring", "ring published", "ring++", "scan context", "disco"),
-    *("pointnetvlad", "egonn"),
+    *("pointnetvlad", "egonn", "locnet", "rinet"),
     *("fast histogram", "m2dp", "lidar iris", "polar context", "cart context"),
 )
 

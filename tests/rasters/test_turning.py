@@ -27,11 +27,12 @@ def scan(sectors):
 
 
 @pytest.mark.parametrize(
-    "kind", ["polar", "context", "iris", "heights", "range", "voxels", "points"]
+    "kind",
+    ["polar", "context", "iris", "heights", "range", "height_ranges", "voxels", "points"],
 )
 @pytest.mark.parametrize("turn", [1, 7, 59, -3])
 def test_turning_the_raster_is_turning_the_scan(kind, turn):
-    values = {name: {"sectors": 60} for name in ("polar", "range", "heights")}
+    values = {name: {"sectors": 60} for name in ("polar", "range", "heights", "height_ranges")}
     if kind == "voxels":
         values["voxels"] = {"degrees": 6.0, "max_voxels": 500}
     if kind == "points":

@@ -26,6 +26,8 @@ _METHODS = {
     "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
     "disco": "deepring.methods.disco.Disco",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",
+    "locnet": "deepring.methods.locnet.LocNet",
+    "rinet": "deepring.methods.rinet.RINet",
 }
 
 #: DeepRING's representations: the raster's kind, and settings beside the defaults. The rows and

@@ -23,6 +23,8 @@ _METHODS: dict[str, str | type] = {
     "disco": "deepring.methods.disco.Disco",
     "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",
+    "locnet": "deepring.methods.locnet.LocNet",
+    "rinet": "deepring.methods.rinet.RINet",
 }
 """Classes, or their dotted paths, which are imported when they are asked for."""
 

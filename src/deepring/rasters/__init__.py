@@ -3,6 +3,7 @@
 from deepring.rasters.base import RASTERS, Raster, make_raster, raster_settings
 from deepring.rasters.bev import BevRaster
 from deepring.rasters.cart_context import CartContextRaster
+from deepring.rasters.channel_ranges import HeightRangesRaster, SemanticRangesRaster
 from deepring.rasters.context import ContextRaster
 from deepring.rasters.features import FeatureBevRaster
 from deepring.rasters.heights import HeightRaster
@@ -14,6 +15,7 @@ from deepring.rasters.polar import PolarRaster
 from deepring.rasters.polar_context import PolarContextRaster
 from deepring.rasters.preprocessing import Preprocessing
 from deepring.rasters.range_image import RangeRaster
+from deepring.rasters.ring_histogram import RingHistogramRaster
 from deepring.rasters.semantic import SemanticRaster
 from deepring.rasters.semantic_points import SemanticPointsRaster
 from deepring.rasters.voxels import VoxelRaster
@@ -24,6 +26,7 @@ __all__ = [
     "CartContextRaster",
     "ContextRaster",
     "FeatureBevRaster",
+    "HeightRangesRaster",
     "HeightRaster",
     "HistogramRaster",
     "IrisRaster",
@@ -34,7 +37,9 @@ __all__ = [
     "Preprocessing",
     "RangeRaster",
     "Raster",
+    "RingHistogramRaster",
     "SemanticPointsRaster",
+    "SemanticRangesRaster",
     "SemanticRaster",
     "VoxelRaster",
     "make_raster",

@@ -1,7 +1,7 @@
 """The base classes of a training scheme: sampling, batches, losses, and the training step.
 
-The schemes are `episodes`, `tuples` and `batch_hard`. They do not need Lightning; `PlaceModule` and
-`PlaceDataModule` run any of them.
+The schemes are `episodes`, `streets`, `tuples`, `pairs` and `batch_hard`. They do not need
+Lightning; `PlaceModule` and `PlaceDataModule` run any of them.
 """
 
 from abc import ABC, abstractmethod

@@ -18,6 +18,7 @@ from deepring.methods.network_file import (
     weights_of,
     write_network,
 )
+from deepring.testing import with_columns
 from fuzz.decoders import sealed
 from fuzz.files import Files, Format, UndecodableError, in_memory, read_back
 from fuzz.mutations.raw import raw
@@ -28,7 +29,7 @@ from fuzz.scenes import scene
 from helpers.tiny_methods import TINY
 
 #: All that learn.
-_METHODS = ("deepring", "disco", "pointnetvlad", "egonn")
+_METHODS = ("deepring", "disco", "pointnetvlad", "egonn", "locnet", "rinet")
 _SCAN = np.array(scene(1), np.float32)
 
 
@@ -61,7 +62,8 @@ def _described(path: Path) -> Any:
     network = load_network(path)
     method = network.method
     with in_memory():
-        image = torch.from_numpy(np.asarray(method.raster(_SCAN, -1.8)))[None]
+        points = with_columns(_SCAN, method.raster.columns)
+        image = torch.from_numpy(np.asarray(method.raster(points, -1.8)))[None]
         descriptor = method.describe(image)
         method.compare(descriptor, descriptor)
     weights = {
