@@ -176,6 +176,9 @@ BESIDE = {
     "sampling=batch_hard": ["loss=batch_hard"],
     "sampling=streets": ["loss=graded_cross_entropy"],
     "sampling=tuples": ["loss=lazy_quadruplet"],
+    "sampling=pairs": ["loss=contrastive"],
+    "loss=contrastive": ["sampling=pairs"],
+    "loss=soft_match": ["sampling=pairs"],
     "loss=batch_hard": ["sampling=batch_hard"],
     "loss=batch_softmax": ["sampling=batch_hard"],
     "loss=batch_softmax_with_turn": ["sampling=batch_hard"],
@@ -317,7 +320,7 @@ def commands():
             words = command.split()
             meant = words[:2] in (["deepring", "train"], ["deepring", "evaluate"])
             # A method and a scheme of one's own have tests of their own.
-            strange = any(word in command for word in ("mine", "pairs", "--help"))
+            strange = any(word in command for word in ("mine", "partners", "--help"))
             if meant and len(words) > 2 and not strange:
                 yield page.name, command.strip()
 

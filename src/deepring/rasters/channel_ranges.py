@@ -36,7 +36,7 @@ class SemanticRangesRaster(Labelled, Raster, kind="semantic_ranges"):
 
     >>> points = np.array([[5, 0, 0, 40], [20, 0, 0, 40], [5, 0, 1, 50], [20, 0, 1, 50]])
     >>> image = SemanticRangesRaster()(points, ground_z=0.0)
-    >>> image[0, [1, 5]].round(2).tolist()  # the farthest of the road, the nearest of the building
+    >>> image[0, [1, 5]].astype(float).round(2).tolist()  # farthest road, nearest building
     [0.4, 0.1]
     """
 

@@ -112,7 +112,7 @@ def ring_histograms(
 
     >>> points = np.array([[3.2, 0, 0], [0, 3.7, 0], [-10.5, 0, 0], [0, -0.9, 0]], dtype=np.float32)
     >>> image = ring_histograms(points, rows=1)
-    >>> np.flatnonzero(image).tolist(), image[image > 0].round(2).tolist()
+    >>> np.flatnonzero(image).tolist(), image[image > 0].astype(float).round(2).tolist()
     ([2, 9], [0.67, 0.33])
     """
     x, y, z = finite_coordinates(points).reshape(-1, 3).astype(np.float64).T

@@ -61,7 +61,7 @@ class BlockStore:
             _rows(self._tail[name], self._tail_rows, count, name).copy_(value)
         self._tail_rows = total
 
-    def replace(self, name: str, rows: Tensor) -> None:
+    def replace(self, name: str, rows: Shaped[Tensor, "..."]) -> None:
         """Put other rows in the place of all of one tensor. Only where no block is closed."""
         if self._closed:
             raise DataError(f"rows: {name} of {len(self._closed)} closed blocks, expected none")
