@@ -16,6 +16,7 @@ from deepring.core.rigid import pose_from
 from deepring.localization import map as maps
 from deepring.localization.alignment import Alignment, align, image_correlation
 from deepring.localization.alignment.image_correlation import half_whitened, occupied_cells
+from deepring.localization.candidate_search import search_candidates
 from deepring.localization.candidates import RerankSettings, align_candidates
 from deepring.localization.map import Map
 from deepring.localization.observation import Observation, described
@@ -156,6 +157,8 @@ def _scan(one: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def _candidates(campus: Map, points: np.ndarray) -> tuple:
     """What `align_candidates` is given for a scan: image, turns, images of places, poses."""
     one = campus.observe([points])
-    places, poses, turns, _ = campus._candidates(one, None)
+    places, poses, turns, _ = search_candidates(
+        campus.index, campus.places, one.descriptors, campus.rerank
+    )
     images = campus.places.images(places)
     return torch.from_numpy(one.images[0]), turns, images, poses

@@ -10,7 +10,7 @@ from timing import Row, timed
 from torch import Tensor
 
 from deepring.core.correlation import circular_cross_correlation
-from deepring.localization.map import SEARCH
+from deepring.localization.map_file import SEARCH
 from deepring.methods.method import describe_all
 from deepring.methods.network_file import load_network
 from deepring.search.correlation_index import CorrelationIndex

@@ -10,7 +10,7 @@ is a miss. Knobs are those of `deepring simulate custom`: ``query_`` knobs chang
 
 A table's row is printed as soon as it is known, and FOLDER/NAME.csv has all cells so far; what was
 simulated and rasterized stays in FOLDER, so that a run that was interrupted goes on. The default
-world is small, with some 300 queries; nine sensors take 2 GB, and four minutes on one core.
+world is small, with some 300 queries; nine sensors take 6 GB, and some ten minutes on one core.
 """
 
 import argparse

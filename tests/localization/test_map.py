@@ -10,7 +10,7 @@ from safetensors.torch import save_file
 from deepring.core.rigid import turn_points, yaw_of
 from deepring.data.readers.nclt import open_nclt
 from deepring.errors import BrokenScanError, DeepringError, FileError
-from deepring.localization import map as maps
+from deepring.localization import candidate_search
 from deepring.localization.candidates import RerankSettings
 from deepring.localization.location import AcceptanceThresholds
 from deepring.localization.map import Map
@@ -278,8 +278,8 @@ def test_few_places_are_looked_up_first_and_the_answer_is_the_same(drives, sprea
 
     monkeypatch.setattr(place_map.index, "search", counted)
     found = [place_map.localize(drives[1].points(k)) for k in range(0, 12, 3)]
-    first, most = maps.SURPLUS
+    first, most = candidate_search.SURPLUS
     assert looked_up.count(3 * first) == len(found)
     assert (3 * most in looked_up) == (spread == 150.0)
-    monkeypatch.setattr(maps, "SURPLUS", (most,))
+    monkeypatch.setattr(candidate_search, "SURPLUS", (most,))
     assert [place_map.localize(drives[1].points(k)) for k in range(0, 12, 3)] == found

@@ -9,26 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from deepring.methods.registry import packaged_methods
+
 Make = Callable[[], dict[str, Any]]
 """Makes an option's values, importing what it needs."""
-
-#: Methods by the names of their generated settings, each with every key and its default.
-_METHODS = {
-    "ring": "deepring.methods.ring.Ring",
-    "ring_plus_plus": "deepring.methods.ring_plus_plus.RingPlusPlus",
-    "scan_context": "deepring.methods.scan_context.ScanContext",
-    "fast_histogram": "deepring.methods.fast_histogram.FastHistogram",
-    "m2dp": "deepring.methods.m2dp.M2dp",
-    "polar_context": "deepring.methods.scan_context_plus_plus.PolarContext",
-    "cart_context": "deepring.methods.scan_context_plus_plus.CartContext",
-    "lidar_iris": "deepring.methods.lidar_iris.LidarIris",
-    "ssc": "deepring.methods.ssc.Ssc",
-    "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
-    "disco": "deepring.methods.disco.Disco",
-    "egonn": "deepring.methods.egonn.EgoNnGlobal",
-    "locnet": "deepring.methods.locnet.LocNet",
-    "rinet": "deepring.methods.rinet.RINet",
-}
 
 #: DeepRING's representations: the raster's kind, and settings beside the defaults. The rows and
 #: columns of other rasters than a BEV are the raster's.
@@ -117,7 +101,11 @@ def _chosen(folder: Path, file: Path) -> Iterator[tuple[str, str | None]]:
 def _generated(folder: Path) -> Mapping[str, Mapping[str, Make]]:
     datasets = sorted(file.stem for file in (folder / "data").glob("*.yaml"))
     return {
-        SETTINGS: {name: partial(_method, path) for name, path in _METHODS.items()},
+        SETTINGS: {
+            name: partial(_method, path)
+            for name, path in packaged_methods().items()
+            if name != "deepring"  # its parts are groups of their own
+        },
         "preprocessing": {"local_minimum": _preprocessing},
         "method/representation": {
             name: partial(_representation, *choice) for name, choice in _REPRESENTATIONS.items()

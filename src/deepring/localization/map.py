@@ -7,16 +7,23 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from deepring import checks
 from deepring.core.rigid import yaw_after_turn
 from deepring.errors import ConfigError, DataError
 from deepring.io.sealed import open_sealed, write_sealed
-from deepring.localization.candidates import RerankSettings, align_candidates, spread_out
+from deepring.localization.candidate_search import search_candidates
+from deepring.localization.candidates import RerankSettings, align_candidates
 from deepring.localization.given import given_list, given_names, given_path, given_poses
 from deepring.localization.location import AcceptanceThresholds, Location, best_fit, ratio_of
-from deepring.localization.map_file import FORMAT, MapHeader, expect_fitting, prefixed, under
+from deepring.localization.map_file import (
+    FORMAT,
+    SEARCH,
+    MapHeader,
+    expect_fitting,
+    prefixed,
+    under,
+)
 from deepring.localization.observation import Observation, described, observed, occupancy
 from deepring.localization.place_points import PlacePoints, given_points
 from deepring.localization.place_store import PlaceStore
@@ -26,17 +33,8 @@ from deepring.localization.rivals import fit_elsewhere
 from deepring.methods.deepring import DeepRing
 from deepring.methods.network_file import describe_network, make_network, weights_of
 from deepring.rasters import BevRaster
-from deepring.search.code import CodeSettings
 from deepring.search.correlation_index import CorrelationIndex
 from deepring.search.search_settings import SearchSettings
-
-#: Places looked up per candidate, so that enough of them lie apart: more if the first do not.
-SURPLUS = (2, 8)
-
-#: How a map's places are stored and searched, unless it is told otherwise. From 2000 places on the
-#: best 500 by their codes are compared, an eighth of the work among 10 000. These codes are larger
-#: than usual, since the package's network has rows of 151 numbers.
-SEARCH = SearchSettings("int8", CodeSettings(16, 24), exhaustive_below=2000)
 
 #: Scans described at a time.
 BATCH = 64
@@ -199,7 +197,9 @@ class Map:
         self._expect_places(before)
         if len(self._observed(scan).images) != 1:
             raise DataError(f"observation: {len(scan.images)} scans, expected one")
-        places, poses, turns, scores = self._candidates(scan, before)
+        places, poses, turns, scores = search_candidates(
+            self.index, self.places, scan.descriptors, self.rerank, before
+        )
         image, images = torch.from_numpy(scan.images[0]), self.places.images(places)
         alignment = align_candidates(image, turns, images, self.rerank, poses)
         best = best_fit(alignment, poses, self.rerank)
@@ -223,19 +223,6 @@ class Map:
             trusted=doubt is None,
             doubt=doubt,
         )
-
-    def _candidates(self, scan: Observation, before: int | None) -> tuple[Tensor, ...]:
-        """Candidates, best first and spread out: places (k,), planar poses (k, 3), turns and scores
-        (k,)."""
-        number = self.rerank.candidates
-        for surplus in SURPLUS:
-            hits = self.index.search(scan.descriptors, surplus * number, before=before)
-            poses = self.places.planar_poses(hits.place[0])
-            rows = spread_out(poses[:, :2], self.rerank)
-            if len(rows) == number or len(poses) < surplus * number:
-                break
-        assert hits.turn is not None
-        return hits.place[0, rows], poses[rows], hits.turn[0, rows], hits.score[0, rows]
 
     def _expect_places(self, before: int | None) -> None:
         if before is not None:

@@ -8,14 +8,10 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from deepring import checks
-from deepring.core.similarity import negative_distance
 from deepring.errors import ConfigError
-from deepring.methods.method import Comparison
-from deepring.methods.network import NetworkMethod, PlainSettings
+from deepring.methods.network import PlainSettings
+from deepring.methods.vector_network import VectorNetwork
 from deepring.rasters import RingHistogramRaster, raster_settings
-from deepring.search.hits import Index
-from deepring.search.search_settings import SearchSettings
-from deepring.search.vector_index import VectorIndex
 
 #: Rows and columns of a convolution's kernel.
 _KERNEL = 5
@@ -32,7 +28,7 @@ class LocNetSettings(PlainSettings):
     dimension: int = 50
 
 
-class LocNet(NetworkMethod):
+class LocNet(VectorNetwork):
     """Histograms (b, rows, buckets) -> two convolutions with pooling -> (b, dimension), no less
     than 0.
 
@@ -80,20 +76,10 @@ class LocNet(NetworkMethod):
         features: Tensor = self.layers(rasters.float()[:, None])
         return features
 
-    def compare(
-        self, queries: Float[Tensor, "q value"], database: Float[Tensor, "d value"]
-    ) -> Comparison:
-        """Negative Euclidean distance; the turn is not known."""
-        return Comparison(negative_distance(queries, database), None)
-
     @property
     def descriptor_shape(self) -> tuple[int]:
         """Length of one descriptor."""
         return (self.settings.dimension,)
-
-    def index(self, settings: SearchSettings | None = None) -> Index:  # noqa: ARG002
-        """Exhaustive search by distance, see `index_of`; takes no settings."""
-        return VectorIndex("l2")
 
 
 def _pooled(length: int) -> int:

@@ -8,15 +8,11 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from deepring.core.similarity import negative_distance
-from deepring.methods.method import Comparison
-from deepring.methods.network import NetworkMethod, PlainSettings
+from deepring.methods.network import PlainSettings
+from deepring.methods.vector_network import VectorNetwork
 from deepring.nn.netvlad import NetVlad
 from deepring.nn.pointnet import PointFeatures
 from deepring.rasters import PointsRaster, raster_settings
-from deepring.search.hits import Index
-from deepring.search.search_settings import SearchSettings
-from deepring.search.vector_index import VectorIndex
 
 
 @dataclass(frozen=True)
@@ -35,7 +31,7 @@ class PointNetVladSettings(PlainSettings):
     gating: bool = True
 
 
-class PointNetVlad(NetworkMethod):
+class PointNetVlad(VectorNetwork):
     """Points (b, n, 3) -> features of each (b, n, f) -> NetVLAD -> descriptors at unit norm.
 
     The features are taken at unit norm, as in the published TensorFlow code. The order of the
@@ -61,17 +57,7 @@ class PointNetVlad(NetworkMethod):
         features = F.normalize(self.features(rasters.float()), dim=-1)
         return F.normalize(self.aggregate(features), dim=-1)
 
-    def compare(
-        self, queries: Float[Tensor, "q value"], database: Float[Tensor, "d value"]
-    ) -> Comparison:
-        """Negative Euclidean distance, in [-2, 0]; the turn is not known."""
-        return Comparison(negative_distance(queries, database), None)
-
     @property
     def descriptor_shape(self) -> tuple[int]:
         """Length of one descriptor."""
         return (self.settings.dimension,)
-
-    def index(self, settings: SearchSettings | None = None) -> Index:  # noqa: ARG002
-        """Exhaustive search by distance, see `index_of`; takes no settings."""
-        return VectorIndex("l2")

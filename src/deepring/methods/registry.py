@@ -29,6 +29,11 @@ _METHODS: dict[str, str | type] = {
 """Classes, or their dotted paths, which are imported when they are asked for."""
 
 
+def packaged_methods() -> dict[str, str]:
+    """The package's own methods: name to dotted path of the class, none of them imported."""
+    return {name: path for name, path in _METHODS.items() if isinstance(path, str)}
+
+
 def registered_methods() -> tuple[str, ...]:
     """The names of all registered methods."""
     return tuple(_METHODS)
@@ -53,7 +58,7 @@ def register_method(name: str, cls: type) -> None:
 
 def is_packaged(cls: type) -> bool:
     """Whether the class is a method of this package, and not a user's own."""
-    return class_path(cls) in [path for path in _METHODS.values() if isinstance(path, str)]
+    return class_path(cls) in packaged_methods().values()
 
 
 def method_name(cls: type) -> str:

@@ -104,7 +104,7 @@ def _panel(block: Block, curves: Mapping[Case, Mapping[int, Curve]]) -> dict[str
     panel = {}
     for row in block:
         several = methods.count(row.case.method) > 1
-        label = f"{row.case.method} ({row.case.trained_on})" if several else row.case.method
+        label = f"{row.case.method} ({row.case.train})" if several else row.case.method
         of_seed = curves[row.case]
         if of_seed:
             panel[label] = [of_seed[seed] for seed in sorted(of_seed)]

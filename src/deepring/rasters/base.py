@@ -125,6 +125,12 @@ class Raster(ABC):
         shape = [len(images), *[1] * (images.dim() - 3), steps, 1]
         return images.gather(-2, rows.view(shape).expand_as(images))
 
+    def check_disc(self, *counts: str) -> None:
+        """Raise ConfigError unless the counts are, and ``radius`` is a length within the crop."""
+        self.check_counts(*counts)
+        self.check_lengths("radius")
+        self.check_reach(self.radius)  # type: ignore[attr-defined]
+
     def check_counts(self, *names: str) -> None:
         """Raise ConfigError unless these fields are whole numbers above 0."""
         for name in names:

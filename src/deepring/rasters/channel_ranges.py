@@ -48,9 +48,7 @@ class SemanticRangesRaster(Labelled, Raster, kind="semantic_ranges"):
     dtype = np.dtype(np.float16)
 
     def __post_init__(self) -> None:
-        self.check_counts("sectors")
-        self.check_lengths("radius")
-        self.check_reach(self.radius)
+        self.check_disc("sectors")
 
     @property
     def shape(self) -> tuple[int, int]:

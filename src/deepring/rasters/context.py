@@ -28,9 +28,7 @@ class ContextRaster(Raster, kind="context"):
     dtype = np.dtype(np.float16)
 
     def __post_init__(self) -> None:
-        self.check_counts("sectors", "rings")
-        self.check_lengths("radius")
-        self.check_reach(self.radius)
+        self.check_disc("sectors", "rings")
 
     @property
     def shape(self) -> tuple[int, int]:

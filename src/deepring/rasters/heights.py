@@ -41,9 +41,7 @@ class HeightRaster(Raster, kind="heights"):
     dtype = np.dtype(np.bool_)
 
     def __post_init__(self) -> None:
-        self.check_counts("layers", "sectors", "rings")
-        self.check_lengths("radius")
-        self.check_reach(self.radius)
+        self.check_disc("layers", "sectors", "rings")
         object.__setattr__(self, "height", checks.interval("raster.height", self.height, "metres"))
 
     @property

@@ -26,9 +26,7 @@ class PolarRaster(Raster, kind="polar"):
     dtype = np.dtype(np.bool_)
 
     def __post_init__(self) -> None:
-        self.check_counts("sectors", "rings")
-        self.check_lengths("radius")
-        self.check_reach(self.radius)
+        self.check_disc("sectors", "rings")
 
     @property
     def shape(self) -> tuple[int, int]:

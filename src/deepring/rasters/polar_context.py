@@ -41,9 +41,7 @@ class PolarContextRaster(Raster, kind="polar_context"):
     dtype = np.dtype(np.float16)
 
     def __post_init__(self) -> None:
-        self.check_counts("sectors", "rings", "least")
-        self.check_lengths("radius")
-        self.check_reach(self.radius)
+        self.check_disc("sectors", "rings", "least")
         check_grid(self.grid)
         origins = self.sideways
         if not isinstance(origins, list | tuple) or not origins or origins[0] != 0:

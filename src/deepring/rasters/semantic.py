@@ -59,9 +59,7 @@ class SemanticRaster(Labelled, Raster, kind="semantic"):
     dtype = np.dtype(np.uint8)
 
     def __post_init__(self) -> None:
-        self.check_counts("sectors", "rings")
-        self.check_lengths("radius")
-        self.check_reach(self.radius)
+        self.check_disc("sectors", "rings")
 
     @property
     def shape(self) -> tuple[int, int]:

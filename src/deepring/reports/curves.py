@@ -117,7 +117,7 @@ def _lines(results: Sequence[Result], over: Over) -> dict[str, dict[float, float
     trainings = Counter(method for method, _ in {(r.case.method, r.case.train) for r in results})
     lines: dict[str, dict[float, float]] = {}
     for result in results:
-        method, train = result.case.method, result.case.trained_on
+        method, train = result.case.method, result.case.train
         label = f"{method} ({train or 'untrained'})" if trainings[method] > 1 else method
         lines.setdefault(label, {})[result.radius_m] = recall_of(result, "recall_1", over)
     return lines

@@ -8,14 +8,10 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from deepring.core.similarity import negative_distance
 from deepring.methods.egonn.egonn_network import WIDTHS, EgoNN
-from deepring.methods.method import Comparison
-from deepring.methods.network import NetworkMethod, PlainSettings
+from deepring.methods.network import PlainSettings
+from deepring.methods.vector_network import VectorNetwork
 from deepring.rasters import VoxelRaster, raster_settings
-from deepring.search.hits import Index
-from deepring.search.search_settings import SearchSettings
-from deepring.search.vector_index import VectorIndex
 
 
 @dataclass(frozen=True)
@@ -31,7 +27,7 @@ class EgoNnSettings(PlainSettings):
     normalised: bool = False
 
 
-class EgoNnGlobal(NetworkMethod):
+class EgoNnGlobal(VectorNetwork):
     """Cylindrical voxels (b, max_voxels, 3), padded -> sparse network -> descriptors (b, 256).
 
     The sparse convolutions are deepring's own, in plain torch; the original's are
@@ -62,17 +58,7 @@ class EgoNnGlobal(NetworkMethod):
         descriptors = self.network(rasters)
         return F.normalize(descriptors, dim=-1) if self.settings.normalised else descriptors
 
-    def compare(
-        self, queries: Float[Tensor, "q value"], database: Float[Tensor, "d value"]
-    ) -> Comparison:
-        """Negative Euclidean distance, at most 0; the turn is not known."""
-        return Comparison(negative_distance(queries, database), None)
-
     @property
     def descriptor_shape(self) -> tuple[int]:
         """Length of one descriptor."""
         return (self.network.global_head.size,)
-
-    def index(self, settings: SearchSettings | None = None) -> Index:  # noqa: ARG002
-        """Exhaustive search by distance, see `index_of`; takes no settings."""
-        return VectorIndex("l2")
