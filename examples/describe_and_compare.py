@@ -1,0 +1,6 @@
+"""Describe and compare scans.
+
+x
+"""
+
+print(1)
