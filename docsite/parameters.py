@@ -9,6 +9,9 @@ import tokenize
 from io import StringIO
 from typing import Any, NamedTuple
 
+#: Packages whose own docs tell what their arguments are.
+_FOREIGN = ("abc", "builtins", "lightning", "torch", "typing")
+
 
 class Parameter(NamedTuple):
     """One argument of a class."""
@@ -69,8 +72,8 @@ def arguments_in(docstring: str) -> dict[str, str]:
 def _comments(target: Any) -> dict[str, str]:
     notes: dict[str, str] = {}
     for cls in reversed(inspect.getmro(target) if inspect.isclass(target) else (target,)):
-        if not getattr(cls, "__module__", "").startswith("deepring"):
-            continue  # the arguments of torch and lightning are told by their own docs
+        if cls.__module__.partition(".")[0] in _FOREIGN:
+            continue
         notes |= arguments_in(inspect.getdoc(cls) or "")
         if inspect.isclass(cls):
             notes |= arguments_in(inspect.getdoc(cls.__init__) or "")
