@@ -1,8 +1,8 @@
 """A new reader: scans and poses in a layout of your own.
 
 Scans here are compressed NumPy files, and one table has a row (name, x, y, yaw) for each. A reader
-turns a folder into a `Session`; once registered, `open_session` knows it, and so does all that takes
-one.
+turns a folder into a `Session`; once registered, `open_session` knows it, and so does all that
+takes one.
 """
 
 from pathlib import Path

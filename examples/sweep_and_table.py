@@ -1,7 +1,7 @@
 """Run a sweep, and read its table.
 
-Two ways of making a descriptor are trained from two seeds each, for a few seconds: enough to see how
-a sweep works, too little to see which is better. Each argument is one of the command
+Two ways of making a descriptor are trained from two seeds each, for a few seconds: enough to see
+how a sweep works, too little to see which is better. Each argument is one of the command
 `deepring train -m`; started again, it goes on with what is left.
 """
 
@@ -31,5 +31,5 @@ main(["tables", "outputs/sweeps/street_sweep"])
 
 for run in sorted(Path("outputs/sweeps/street_sweep").glob("*/results.csv")):
     with run.open(encoding="utf-8") as file:
-        best = max(csv.DictReader(file), key=lambda row: float(row["recall_1"]))
-    print(f"{run.parent.name}: best recall {best['recall_1']} within {best['radius_m']} m")
+        within = {float(row["radius_m"]): float(row["recall_1"]) for row in csv.DictReader(file)}
+    print(f"{run.parent.name}: Recall@1 {within[10.0]:.2f} within 10 m")
