@@ -1,6 +1,7 @@
 """What the files of conf/ say: their values as Hydra composes them, and their comments."""
 
 import re
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,22 +22,24 @@ def composed(folder: Path) -> Iterator[Compose]:
     from deepring.experiment.config_groups import register_configs
 
     def values(group: str, option: str | None = None) -> Mapping[str, Any]:
-        file = folder / group / f"{option}.yaml"
-        whole = option is None or (file.is_file() and writes_globally(file))
-        config = compose(
-            *(
-                [group]
-                if option is None
-                else ["train", [f"{group}={option}"]]
-                if whole
-                else [f"{group}/{option}"]
-            )
-        )
+        config = compose(*_composed_of(folder, group, option))
         return dict(OmegaConf.to_container(config, resolve=False))  # type: ignore[arg-type]
 
     register_configs()
-    with initialize_config_dir(str(folder), version_base="1.3"):
+    with initialize_config_dir(str(folder), version_base="1.3"), warnings.catch_warnings():
+        # Nobody composes an option alone but this page.
+        warnings.filterwarnings("ignore", message=".*Defaults list is missing `_self_`.*")
         yield values
+
+
+def _composed_of(folder: Path, group: str, option: str | None) -> tuple[Any, ...]:
+    """What Hydra composes for the values of an option: the option alone where that is possible."""
+    if option is None:
+        return (group,)
+    file = folder / group / f"{option}.yaml"
+    if file.is_file() and writes_globally(file):
+        return "train", [f"{group}={option}"]
+    return (f"{group}/{option}",)
 
 
 def writes_globally(file: Path) -> bool:

@@ -63,7 +63,7 @@ def rows_of(
     for name, value in {**node, **missing}.items():
         path = f"{key}.{name}" if key else name
         about = described.get(name, Parameter("", None, ""))
-        note = notes.get(path) or about.comment
+        note = notes.get(path) or about.comment or ("the class" if name == "_target_" else "")
         if isinstance(value, Mapping) and value:
             inner = _described(value, about.default)
             rows += [[code(path), "", "", cell(note)]] if note else []

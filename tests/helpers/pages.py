@@ -101,7 +101,7 @@ def run_command(command: str, folder: Path, where: str) -> str:
 def expect_output(shown: str, printed: str, where: str) -> None:
     """What a page shows is what was printed: ``...`` is any text, and numbers are near.
 
-    Numbers differ by at most 5 % or 5 units of their last digit: other processors round otherwise.
+    Numbers differ by at most 5 % or 2 units of their last digit: other processors round otherwise.
     """
     parts = [part.split() for part in shown.split("...")]
     words, at = printed.split(), 0
@@ -121,7 +121,7 @@ def _same(expected: str, printed: str) -> bool:
     if _NUMBER.sub("0", expected) != _NUMBER.sub("0", printed):
         return False
     return all(
-        abs(float(a) - float(b)) <= max(0.05 * abs(float(a)), 5 * 10.0 ** -_digits(a))
+        abs(float(a) - float(b)) <= max(0.05 * abs(float(a)), 2 * 10.0 ** -_digits(a))
         for a, b in zip(_NUMBER.findall(expected), _NUMBER.findall(printed), strict=True)
     )
 
