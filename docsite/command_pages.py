@@ -1,6 +1,7 @@
 """A page for each command of `deepring`, out of its parser."""
 
 import argparse
+import re
 from collections.abc import Iterator
 
 from docsite.markdown import cell, table
@@ -50,7 +51,7 @@ def _commands(
 def _page(parser: argparse.ArgumentParser, level: int = 1) -> Iterator[str]:
     yield f"{'#' * level} {parser.prog}"
     yield _escaped(parser.description or "")
-    yield f"```text\n{parser.format_usage().removeprefix('usage: ').rstrip()}\n```"
+    yield f"```text\n{_usage(parser)}\n```"
     rows = [[_flags(action), cell(_escaped(_help(parser, action)))] for action in options(parser)]
     if rows:
         yield table(["argument", "what it is"], rows)
@@ -58,6 +59,11 @@ def _page(parser: argparse.ArgumentParser, level: int = 1) -> Iterator[str]:
         yield from _page(inner, level + 1)
     if parser.epilog:
         yield f"```text\n{parser.epilog.strip()}\n```"
+
+
+def _usage(parser: argparse.ArgumentParser) -> str:
+    """How a command is called, with further lines a little to the right."""
+    return re.sub(r"\n +", "\n    ", parser.format_usage().removeprefix("usage: ").rstrip())
 
 
 def _flags(action: argparse.Action) -> str:
