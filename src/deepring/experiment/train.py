@@ -16,9 +16,10 @@ from deepring.errors import ConfigError, StoppedError
 from deepring.evaluation.case import shortened
 from deepring.evaluation.pose_errors import PoseErrors
 from deepring.evaluation.results import Result
-from deepring.experiment import build
+from deepring.experiment import build, loggers
 from deepring.experiment.config import Config
 from deepring.experiment.evaluate import Evaluation, evaluate
+from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.plan import distance_to_training, plan_evaluation
 from deepring.experiment.record import record_of
 from deepring.experiment.run_folder import (
@@ -86,11 +87,14 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
             method.settings.label,
             shortened([dataset.name for dataset in trains], " + "),
         )
+        if trainer.is_global_zero:
+            loggers.begin(trainer.loggers, hyperparameters(record_of(cfg)))
         _fit(trainer, module, datamodule, cfg.resume, folder)
         checkpoint, score = _best_checkpoint(trainer, folder)
         found = Evaluation([], [])
         if cfg.evaluate and trainer.is_global_zero:
             found = evaluate(plan_evaluation(cfg, checkpoint, datasets), folder)
+            loggers.add_results(trainer.loggers, found.results)
         if trainer.is_global_zero:
             seconds = timer.time_elapsed("train")
             write_status(folder, Status("finished", score=score, seconds=seconds))
