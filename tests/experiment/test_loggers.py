@@ -1,7 +1,9 @@
 """Where the figures of a training go: other loggers than TensorBoard's."""
 
 import csv
+import re
 import sys
+from dataclasses import replace
 
 import pytest
 import yaml
@@ -25,8 +27,15 @@ def test_csv_has_hyperparameters_and_the_figures_of_the_first_radius(tmp_path):
     with (tmp_path / "csv/metrics.csv").open() as file:
         rows = list(csv.DictReader(file))
     named = {name: value for row in rows for name, value in row.items() if value}
-    assert float(named["test/nclt/test/recall@1/RING"]) == 0.5
+    assert float(named["test/nclt/test/recall_1/RING"]) == 0.5
     assert sum(name.startswith("test/") for name in named) == 6
+
+
+def test_no_two_figures_have_one_name_in_letters_digits_and_slashes(tmp_path):
+    logger = CSVLogger(tmp_path, name="csv", version="")
+    add_results([logger], [result_of(RING, 10.0), result_of(replace(RING, method="RING++"), 10.0)])
+    names = (tmp_path / "csv/metrics.csv").read_text().splitlines()[0].split(",")
+    assert len({re.sub("[^a-zA-Z0-9_/. -]+", "", name) for name in names}) == len(names) == 13
 
 
 def test_tensorboard_gets_them_with_the_evaluation(tmp_path):

@@ -1,5 +1,6 @@
 """Where the curves of a training go, and the figures of its evaluation."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -7,10 +8,10 @@ from lightning.pytorch.loggers import Logger, TensorBoardLogger
 
 from deepring import checks
 from deepring.errors import ConfigError, DeepringError
-from deepring.evaluation.results import Result
+from deepring.evaluation.case import in_file_names
+from deepring.evaluation.results import RECALLS, Result
 from deepring.experiment.hyperparameters import Value
 from deepring.experiment.objects import make, target_of
-from deepring.reports.tensorboard_events import final_metrics
 from deepring.text import shown
 
 #: Modules of the loggers of packages that are optional, each by the name of its extra.
@@ -25,6 +26,8 @@ def make_logger(node: Any) -> Logger | bool:
     if node is None:
         return False
     name = getattr(target_of(node, "logger"), "__name__", "")
+    # Lightning warns each time it leaves the @ of a metric's name out.
+    warnings.filterwarnings("ignore", message="MLFlow only allows")
     if name in _OPTIONAL:
         module = _OPTIONAL[name]
         checks.installed("logger", module, module, module)
@@ -55,8 +58,20 @@ def add_results(loggers: Sequence[Logger], results: Sequence[Result]) -> None:
     """Write the figures of an evaluation at its first radius; TensorBoard has them already."""
     head = [result for result in results if result.radius_m == results[0].radius_m]
     for logger in _others(loggers):
-        logger.log_metrics(final_metrics(head))
+        logger.log_metrics(_figures(head))
         logger.save()
+
+
+def _figures(results: Sequence[Result]) -> dict[str, float]:
+    """Figures by name, such as "test/sim_nclt/test/recall_1/RINGplusplus", without the characters
+    that MLflow drops: "RING" and "RING++", "recall@1" and "recall@1%" would be one to it."""
+    figures = {}
+    for result in results:
+        case = result.case
+        for name in (*RECALLS, "f1_max", "auc", "ap"):
+            where = f"{in_file_names(case.test)}/{case.region}/{name}"
+            figures[f"test/{where}/{in_file_names(case.method)}"] = getattr(result, name)
+    return figures
 
 
 def _others(loggers: Sequence[Logger]) -> list[Logger]:

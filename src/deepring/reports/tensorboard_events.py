@@ -1,6 +1,6 @@
 """TensorBoard events of an evaluation: metrics, PR curves, figures and descriptors."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,6 @@ from torch.utils.tensorboard import SummaryWriter
 
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.protocol import Outcome
-from deepring.evaluation.results import Result
 from deepring.reports.style import without_formulas
 
 #: Thresholds that TensorBoard's PR page draws.
@@ -43,25 +42,17 @@ def write_events(
     The keys of ``figures`` are their tags. ``folder`` is the run's TensorBoard folder.
     """
     with SummaryWriter(str(folder), flush_secs=FLUSH_SECONDS) as writer:
-        heads = [outcome.results[0] for outcome in outcomes]
-        for head, outcome in zip(heads, outcomes, strict=True):
-            case = outcome.case
-            tag = f"test/{case.test}/{case.region}/{case.method}"
+        final_metrics: dict[str, float] = {}
+        for outcome in outcomes:
+            head, case = outcome.results[0], outcome.case
+            place = f"{case.test}/{case.region}"
+            for metric, name in _METRICS.items():
+                final_metrics[f"test/{place}/{name}/{case.method}"] = getattr(head, metric)
+            tag = f"test/{place}/{case.method}"
             add_pr_curve(writer, tag, outcome.matches, head.radius_m, head.wrong_beyond_m)
         for tag, figure in figures.items():
             writer.add_figure(tag, without_formulas(figure), close=False)
-        writer.add_hparams(dict(hyperparameters), final_metrics(heads), run_name=".")
-
-
-def final_metrics(results: Sequence[Result]) -> dict[str, float]:
-    """The figures of results by name, such as "test/sim_nclt/test/recall@1/DeepRING"."""
-    return {
-        f"test/{result.case.test}/{result.case.region}/{name}/{result.case.method}": getattr(
-            result, metric
-        )
-        for result in results
-        for metric, name in _METRICS.items()
-    }
+        writer.add_hparams(dict(hyperparameters), final_metrics, run_name=".")
 
 
 def add_pr_curve(
