@@ -174,9 +174,11 @@ def _train(composed: DictConfig) -> None:
 def _evaluate(composed: DictConfig) -> None:
     from deepring.experiment.evaluate import evaluate
     from deepring.experiment.plan import plan_evaluation
+    from deepring.experiment.start import expect_no_start
     from deepring.experiment.status import Status, write_status
 
     cfg = check_config(composed)
+    expect_no_start(cfg)
     folder = run_folder(cfg.paths.run)
     checkpoint = None if cfg.checkpoint is None else Path(cfg.checkpoint)
     plan = plan_evaluation(cfg, checkpoint)

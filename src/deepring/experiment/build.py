@@ -20,6 +20,7 @@ from deepring.errors import ConfigError
 from deepring.experiment.config import Config
 from deepring.experiment.loggers import make_logger
 from deepring.experiment.objects import make, target_of
+from deepring.experiment.start import NOTHING, TrainedBefore
 from deepring.experiment.trainer_values import check_trainer
 from deepring.io.typed import typed, typed_values
 from deepring.methods.method import Method
@@ -166,8 +167,14 @@ def datamodule(cfg: Config, datasets: list[PlaceDataset], raster: Raster) -> Pla
     )
 
 
-def module(cfg: Config, datasets: list[PlaceDataset], network: NetworkMethod) -> PlaceModule:
+def module(
+    cfg: Config,
+    datasets: list[PlaceDataset],
+    network: NetworkMethod,
+    trained_before: TrainedBefore = NOTHING,
+) -> PlaceModule:
     """The network under training."""
+    names = [*trained_before.datasets, *(dataset.name for dataset in datasets)]
     check_optimizer(cfg)
     return PlaceModule(
         network,
@@ -177,7 +184,9 @@ def module(cfg: Config, datasets: list[PlaceDataset], network: NetworkMethod) ->
         optimizer=partial(make, cfg.optimizer, "optimizer"),
         scheduler=None if cfg.scheduler is None else partial(make, cfg.scheduler, "scheduler"),
         radius=cfg.evaluation.radii[0],
-        trained_on="+".join(dataset.name for dataset in datasets),
+        trained_on="+".join(dict.fromkeys(names)),
+        parts=cfg.trained_parts,
+        trained_before=trained_before.parts,
     )
 
 
