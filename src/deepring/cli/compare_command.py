@@ -8,18 +8,17 @@ from typing import get_args
 
 from deepring.cli.console import console
 from deepring.cli.main import parse, run
+from deepring.cli.named_methods import ALL
 from deepring.cli.overrides import checked, choices_of
-from deepring.cli.train_commands import composed, report_sweep, run_multirun
+from deepring.cli.train_commands import report_sweep, run_multirun
 from deepring.errors import ConfigError
+from deepring.experiment.compose import composed
 from deepring.experiment.config import Config
 from deepring.experiment.config_groups import config_folder
 from deepring.experiment.dataset_columns import lacking_columns
 from deepring.experiment.entries import method_entries
 from deepring.experiment.every_method import Kind, every_method
 from deepring.experiment.sweep_names import swept
-
-#: Every method of a kind, in place of names.
-ALL = "all"
 
 #: The override of each option, with the values in place of {}.
 _OPTIONS = {"train": "train={}", "seeds": "seed={}", "test": "test=[{}]"}
