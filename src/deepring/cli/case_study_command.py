@@ -19,7 +19,6 @@ from deepring.experiment.every_method import left_out_text
 from deepring.paper.case_study import (
     ErrorRow,
     Kind,
-    Motion,
     TwinPair,
     case_pair,
     measure,
@@ -27,7 +26,7 @@ from deepring.paper.case_study import (
 )
 from deepring.paper.case_study_figures import error_figure, pair_figure
 from deepring.paper.method_curves import curves_figure, method_rows
-from deepring.paper.moved_scans import Position, Scan
+from deepring.paper.moved_scans import Motion, Position, Scan
 from deepring.progress import progress_bar
 from deepring.rasters import BevRaster
 from deepring.reports.style import save
