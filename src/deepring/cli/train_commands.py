@@ -6,7 +6,8 @@ import math
 import os
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from deepring.cli.process import tune_process
 from deepring.errors import ConfigError
 from deepring.evaluation.pose_errors import PoseErrors
 from deepring.evaluation.results import Result
-from deepring.experiment.config import EvaluationSettings, check_config
+from deepring.experiment.config import Config, EvaluationSettings, check_config
 from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.config_mistakes import config_mistake
 from deepring.experiment.run_folder import is_first_process, link_latest, open_run_folder
@@ -110,9 +111,25 @@ def _run_hydra(
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")
     register_configs()
     compose = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=name)
+    with _in_our_words(arguments), restartable(arguments):
+        compose(task)()
+
+
+def composed(overrides: Sequence[str]) -> Config:
+    """The config of ``deepring train`` with these overrides; nothing runs, nothing is written."""
+    register_configs()
+    with (
+        _in_our_words(overrides),
+        hydra.initialize_config_dir(str(config_folder()), version_base="1.3"),
+    ):
+        return check_config(hydra.compose("train", ["paths.run=.", *overrides]))
+
+
+@contextmanager
+def _in_our_words(arguments: Sequence[str]) -> Iterator[None]:
+    """Raise what the config libraries say about a mistake in these arguments as ConfigError."""
     try:
-        with restartable(arguments):
-            compose(task)()
+        yield
     except Exception as error:
         mistake = config_mistake(error, [text for text in arguments if not text.startswith("-")])
         if mistake is None:
