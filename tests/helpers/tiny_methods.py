@@ -98,25 +98,13 @@ TINY_OVERLAPNET = OverlapNetSettings(
     layers=((5, 5, 2, 2, 4), (4, 3, 1, 1, 6)),
     circular=True,
     block=8,
-    widths=(8, 4, 4),
+    widths=(8, 8, 8),
 )
 
 
 def overlapnet(**changes):
-    """Each difference of a column from the one it should be makes an overlap smaller."""
     torch.manual_seed(0)
-    method = OverlapNet(replace(TINY_OVERLAPNET, **changes))
-    head, block = method.head, TINY_OVERLAPNET.block
-    with torch.no_grad():
-        for layer in (head.across, head.along, head.around, head.last):
-            layer.weight.zero_()
-        for k in range(block):
-            head.across.weight[k, :, 0, k] = 1.0
-            head.along.weight[:, k, k, 0] = 1.0
-        head.around.weight[:, :, 1, 1] = 0.1
-        side = method.columns // block - 2
-        head.last.weight.view(-1, side, side)[:] = -0.1 * torch.eye(side)
-    return method.eval()
+    return OverlapNet(replace(TINY_OVERLAPNET, **changes)).eval()
 
 
 TINY = {

@@ -103,6 +103,9 @@ class Legs(nn.Module):
             )
             for inputs, layer in zip(widths, layers, strict=False)
         )
+        for convolution in self.convolutions:
+            nn.init.xavier_uniform_(convolution.weight)
+            nn.init.zeros_(convolution.bias)
 
     def forward(
         self, x: Float[Tensor, "batch channel theta row"]
