@@ -1,5 +1,7 @@
 """Every registered method at a size that describes a scan in milliseconds, untrained."""
 
+from dataclasses import replace
+
 import torch
 
 from deepring.methods.deepring import DeepRing
@@ -10,6 +12,7 @@ from deepring.methods.lidar_iris import LidarIris
 from deepring.methods.locnet import LocNet, LocNetSettings
 from deepring.methods.lpdnet import LpdNet, LpdNetSettings
 from deepring.methods.m2dp import M2dp
+from deepring.methods.overlapnet import OverlapNet, OverlapNetSettings
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.rinet import RINet, RINetSettings
 from deepring.methods.ring import Ring
@@ -27,6 +30,7 @@ from deepring.rasters import (
     PointFeaturesRaster,
     PointsRaster,
     PolarContextRaster,
+    RangeNormalRaster,
     RingHistogramRaster,
     SemanticPointsRaster,
     SemanticRangesRaster,
@@ -44,6 +48,9 @@ POLAR_CONTEXT = PolarContextRaster(sectors=24, rings=8, least=1)
 POINTS = PointsRaster(count=64)
 POINT_FEATURES = PointFeaturesRaster(count=64, neighbours=(6, 10))
 CLASSES = SemanticPointsRaster(sectors=36, rings=10, count=300)
+RANGES = RangeNormalRaster(
+    sectors=64, rows=12, elevation=(-25, 30), viewpoint=1.8, normals="radial"
+)
 RINGS = RingHistogramRaster(rows=16, buckets=20)
 VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
 
@@ -98,6 +105,20 @@ def rinet():
     return RINet(RINetSettings(raster, widths=(4, 8), steps=(3,), hidden=8))
 
 
+TINY_OVERLAPNET = OverlapNetSettings(
+    raster_settings(RANGES),
+    layers=((5, 5, 2, 2, 4), (4, 3, 1, 1, 6)),
+    circular=True,
+    block=8,
+    widths=(8, 8, 8),
+)
+
+
+def overlapnet(**changes):
+    torch.manual_seed(0)
+    return OverlapNet(replace(TINY_OVERLAPNET, **changes)).eval()
+
+
 TINY = {
     "deepring": deepring,
     "ring": lambda: Ring(BEV, angles=24, bins=24),
@@ -114,5 +135,6 @@ TINY = {
     "lpdnet": lpdnet,
     "egonn": egonn,
     "locnet": locnet,
+    "overlapnet": overlapnet,
     "rinet": rinet,
 }

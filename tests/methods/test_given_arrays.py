@@ -82,6 +82,8 @@ def small(name):
         case "rinet":
             raster = raster_settings(HeightRangesRaster(sectors=12, bands=4))
             return RINet(RINetSettings(raster, widths=(2, 4), steps=(3,), hidden=4))
+        case "overlapnet":
+            return TINY["overlapnet"]()
         case "pointnetvlad":
             raster = raster_settings(PointsRaster(count=32))
             return PointNetVlad(
@@ -101,7 +103,9 @@ def small(name):
 
 METHODS = (
     *("deepring", "deepring l2", "ring", "ring published", "ring++", "scan context", "disco"),
-    *("pointnetvlad", "egonn", "locnet", "rinet", "lpdnet"),
+    *("pointnetvlad", "egonn", "locnet", "rinet"),
+    "lpdnet",
+    "overlapnet",
     *("fast histogram", "m2dp", "lidar iris", "polar context", "cart context"),
 )
 

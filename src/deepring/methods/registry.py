@@ -25,6 +25,7 @@ _METHODS: dict[str, str | type] = {
     "lpdnet": "deepring.methods.lpdnet.LpdNet",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",
     "locnet": "deepring.methods.locnet.LocNet",
+    "overlapnet": "deepring.methods.overlapnet.OverlapNet",
     "rinet": "deepring.methods.rinet.RINet",
 }
 """Classes, or their dotted paths, which are imported when they are asked for."""
