@@ -3,9 +3,11 @@
 import argparse
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,7 @@ from rich import box
 from rich.table import Table
 
 from deepring.cli.console import console
+from deepring.cli.json_output import print_as
 from deepring.cli.options import expect_folder
 from deepring.data.readers import (
     binary_formats,
@@ -52,6 +55,10 @@ COLUMNS: tuple[tuple[Kind, float | None, str], ...] = (
 )
 
 
+#: What the command writes.
+FILES = ("case_study.png", "case_study_error.png", "case_study.csv")
+
+
 class Source(NamedTuple):
     """Scan files, with the positions of their scans."""
 
@@ -87,7 +94,9 @@ def case_study_command(args: argparse.Namespace) -> None:
     for name, figure in figures.items():
         save(figure, args.output / name)
     write_errors(args.output / "case_study.csv", rows)
-    _report(source, pair, rows, complaints, args.output)
+    content = partial(_content, source, pair, rows, complaints, args.output)
+    text = partial(_report, source, pair, rows, complaints, args.output)
+    print_as(args, "case_study", content, text)
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -175,6 +184,29 @@ def _motion(args: argparse.Namespace) -> Motion:
     return Motion(yaw if args.rotation is None else args.rotation, shift)
 
 
+def _content(
+    source: Source,
+    pair: TwinPair,
+    rows: Sequence[ErrorRow],
+    complaints: Sequence[str],
+    output: Path,
+) -> dict[str, Any]:
+    """What the command tells, for the schema ``case_study``."""
+    return {
+        "source": source.title,
+        "format": source.format,
+        "pairs": rows[0].n,
+        "errors": [asdict(row) for row in rows],
+        "pair": {
+            "yaw_deg": float(pair.motion.yaw_deg),
+            "metres": math.hypot(*pair.motion.shift),
+            "errors": {view.name: float(view.error) for view in pair.views},
+        },
+        "left_out": list(complaints),
+        "written": [output / name for name in FILES],
+    }
+
+
 def _report(
     source: Source,
     pair: TwinPair,
@@ -200,4 +232,4 @@ def _report(
         console.print("unrelated    left out: no two scans of places far enough apart")
     if complaints:
         console.print(f"left out     {len(complaints)} broken scans (first: {complaints[0]})")
-    console.print(f"written      {output}/case_study.png, case_study_error.png, case_study.csv")
+    console.print(f"written      {output}/{', '.join(FILES)}")

@@ -218,9 +218,7 @@ def trainer(
         for node in nodes.values():
             node.pop("monitor", None)
     callbacks = [make(node, f"callbacks.{name}") for name, node in nodes.items()]
-    if "progress" not in nodes:
-        callbacks.append(EpochLines())
-    callbacks.append(BetweenEpochs())
+    callbacks += [EpochLines(), BetweenEpochs()]
     logger: Logger | bool = False if cfg.logger is None else make(cfg.logger, "logger")
     return make(
         cfg.trainer,
