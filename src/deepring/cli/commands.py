@@ -126,6 +126,12 @@ COMMANDS = {
         "Print versions, threads, GPU, folders, and measured times, to paste into a bug report. "
         "Exits with 1 if something makes commands fail.",
     ),
+    "schema": _Command(
+        help_options.add_schema,
+        "print the JSON schema of an output, or of drive.yaml",
+        "Print a JSON Schema: of what commands print with --as json, or of drive.yaml "
+        "(drive_file).",
+    ),
 }
 
 

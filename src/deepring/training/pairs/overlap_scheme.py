@@ -114,9 +114,10 @@ class OverlapSet(TrainingSet[OverlapBatch]):
 
     def relative_pose(self, first: int, second: int) -> NDArray[np.float64]:
         """The level transform (4, 4) that carries the second scan's points onto the first's."""
-        poses = [
-            planar_pose(*self.scans.positions[k], self.scans.headings[k]) for k in (first, second)
-        ]
+        poses = []
+        for scan in (first, second):
+            x, y = self.scans.positions[scan]
+            poses.append(planar_pose(x, y, self.scans.headings[scan]))
         return cast("NDArray[np.float64]", np.linalg.inv(poses[0]) @ poses[1])
 
     def __len__(self) -> int:
