@@ -69,13 +69,16 @@ class ProgressLines:
         self.started = clock()
         self.next, self.said = self.started + _FIRST, 0
         self.done = self.total = 0
+        self.first: tuple[int, float] | None = None  # done at the first call, and when
 
     def __call__(self, done: int, total: int) -> None:
         """Note how far it is, and print a line if one is due."""
         self.done, self.total = done, total
         now = self.clock()
+        if self.first is None:
+            self.first = done, now
         if now >= self.next and done < total:
-            self._print(self._how_far(now - self.started))
+            self._print(self._how_far(now))
             self.next = now + _BETWEEN[min(self.said, len(_BETWEEN) - 1)]
             self.said += 1
 
@@ -85,12 +88,15 @@ class ProgressLines:
         if seconds >= _FIRST:
             self._print(f"{self.done} in {duration_text(seconds)}" if self.done else "done")
 
-    def _how_far(self, seconds: float) -> str:
+    def _how_far(self, now: float) -> str:
+        """The share, and, by the time since the first was done, the rate and what is left."""
         share = f"{self.done} of {self.total} ({100 * self.done // self.total} %)"
-        if not self.done:
+        before, began = self.first or (0, now)
+        if self.done <= before or now <= began:
             return share
-        left = duration_text(seconds / self.done * (self.total - self.done))
-        return f"{share}, {rate_text(self.done / seconds)}, {left} left"
+        rate = (self.done - before) / (now - began)
+        left = duration_text((self.total - self.done) / rate)
+        return f"{share}, {rate_text(rate)}, {left} left"
 
     def _print(self, text: str) -> None:
         print(f"{self.title}: {text}", file=sys.stderr, flush=True)

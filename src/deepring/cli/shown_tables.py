@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from deepring.cli.console import console
 from deepring.io.files import replacing
 from deepring.reports.style import save
-from deepring.reports.table import Table, csv, latex, markdown, terminal
+from deepring.reports.table import Table, csv, latex, markdown
+from deepring.reports.terminal_table import terminal
 from deepring.text import printable
 
 if TYPE_CHECKING:

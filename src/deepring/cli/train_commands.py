@@ -226,6 +226,8 @@ def _keep_log_short() -> None:
     logging.raiseExceptions = False  # a full disk is told once, not with each line of the log
     # Lightning calls a function that torch has renamed, which the user cannot change.
     warnings.filterwarnings("ignore", message=".*LeafSpec.*")
+    # Short epochs are drawn in TensorBoard all the same, every few of them.
+    warnings.filterwarnings("ignore", message=".*smaller than the logging interval.*")
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
 
 
