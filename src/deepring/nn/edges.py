@@ -72,9 +72,9 @@ class NeighbourConv(nn.Module):
         rows, numbers = x.flatten(0, 1), (near.flatten(1) + offset).flatten()
         if self.edges:
             own, way = self.first.weight.chunk(2, dim=1)
-            others = (rows @ way.T).index_select(0, numbers).unflatten(0, (batch * n, k))
+            others = (rows @ way.T).index_select(0, numbers).view(batch * n, k, len(way))
             edges = (others + (rows @ (own - way).T)[:, None]).flatten(0, 1)
         else:
             edges = self.first(rows).index_select(0, numbers)
         features = self.rest(self.first_norm(edges))
-        return features.unflatten(0, (batch, n, k)).amax(dim=2)
+        return features.view(batch, n, k, features.shape[-1]).amax(dim=2)
