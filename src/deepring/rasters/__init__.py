@@ -18,6 +18,7 @@ from deepring.rasters.range_image import RangeRaster
 from deepring.rasters.ring_histogram import RingHistogramRaster
 from deepring.rasters.semantic import SemanticRaster
 from deepring.rasters.semantic_points import SemanticPointsRaster
+from deepring.rasters.voxel_means import VoxelMeansRaster
 from deepring.rasters.voxels import VoxelRaster
 
 __all__ = [
@@ -41,6 +42,7 @@ __all__ = [
     "SemanticPointsRaster",
     "SemanticRangesRaster",
     "SemanticRaster",
+    "VoxelMeansRaster",
     "VoxelRaster",
     "make_raster",
     "raster_settings",
