@@ -6,6 +6,7 @@ from deepring.methods.deepring import DeepRing
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
 from deepring.methods.fast_histogram import FastHistogram
+from deepring.methods.lcdnet import LcdNet, LcdNetSettings
 from deepring.methods.lidar_iris import LidarIris
 from deepring.methods.locnet import LocNet, LocNetSettings
 from deepring.methods.m2dp import M2dp
@@ -25,9 +26,11 @@ from deepring.rasters import (
     IrisRaster,
     PointsRaster,
     PolarContextRaster,
+    Preprocessing,
     RingHistogramRaster,
     SemanticPointsRaster,
     SemanticRangesRaster,
+    VoxelMeansRaster,
     VoxelRaster,
     raster_settings,
 )
@@ -42,6 +45,9 @@ POLAR_CONTEXT = PolarContextRaster(sectors=24, rings=8, least=1)
 POINTS = PointsRaster(count=64)
 CLASSES = SemanticPointsRaster(sectors=36, rings=10, count=300)
 RINGS = RingHistogramRaster(rows=16, buckets=20)
+MEANS = VoxelMeansRaster(
+    200, 24, 2.0, 48.0, None, Preprocessing(height=(-28.0, 20.0), clearance=None)
+)
 VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
 
 
@@ -80,6 +86,12 @@ def locnet():
     return LocNet(LocNetSettings(raster_settings(RINGS), channels=(4, 6), dimension=8))
 
 
+def lcdnet():
+    torch.manual_seed(0)
+    values = {"features": 16, "clusters": 4, "dimension": 8, "momentum": 0.1}
+    return LcdNet(LcdNetSettings(raster_settings(MEANS), widths=(4, 4, 6, 6, 8), **values))
+
+
 def rinet():
     torch.manual_seed(0)
     raster = raster_settings(SemanticRangesRaster(sectors=36))
@@ -102,4 +114,5 @@ TINY = {
     "egonn": egonn,
     "locnet": locnet,
     "rinet": rinet,
+    "lcdnet": lcdnet,
 }
