@@ -262,6 +262,7 @@ def test_a_scan_lies_in_itself_as_it_is():
         ({"widths": (4, 4, 4)}, r"lcdnet.widths: \[4, 4, 4\], expected five"),
         ({"momentum": 2.0}, "lcdnet.momentum: 2"),
         ({"iterations": 0}, "lcdnet.iterations: 0"),
+        ({"epsilon": 0.03}, "lcdnet.epsilon: 0.03, expected above 0.03"),
         ({"features": 0}, "lcdnet.features: 0"),
         ({"raster": {"kind": "points"}}, "LCDNet: raster: a PointsRaster"),
     ],

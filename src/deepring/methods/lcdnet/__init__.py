@@ -44,6 +44,7 @@ class LcdNetSettings(PlainSettings):
     features: int = 640
     clusters: int = 64
     dimension: int = 256
+    epsilon: float = 1.03
     iterations: int = 5
     momentum: float = 0.01
 
@@ -87,7 +88,7 @@ class LcdNet(VectorNetwork):
             nn.Linear(seen, features, bias=False), nn.BatchNorm1d(features), nn.ReLU()
         )
         self.aggregation = NetVlad(features, settings.clusters, settings.dimension)
-        self.pose_head = PoseHead(checks.count("lcdnet.iterations", settings.iterations))
+        self.pose_head = PoseHead(settings.epsilon, settings.iterations)
 
     @property
     def voxel_raster(self) -> VoxelMeansRaster:

@@ -4,6 +4,7 @@ Source: Cattaneo, Vaghi, Valada, T-RO 2022, Sec. III-C; the transport with learn
 of Puy et al., "FLOT", ECCV 2020.
 """
 
+import math
 from typing import NamedTuple
 
 import torch
@@ -11,9 +12,11 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
+from deepring import checks
+from deepring.errors import ConfigError
 from deepring.nn.rigid_fit import rigid_fit
 
-#: The least ε, and what ε and γ start with: exp(0) + 0.03 and exp(0).
+#: ε is above this.
 _LEAST_EPSILON = 0.03
 
 
@@ -59,13 +62,16 @@ def unbalanced_transport(
 class PoseHead(nn.Module):
     """Features of the keypoints of two clouds -> the transform from one to the other.
 
-    Learns ε and γ alone.
+    Learns ε and γ alone, from ``epsilon`` and 1.
     """
 
-    def __init__(self, iterations: int = 5) -> None:
+    def __init__(self, epsilon: float = 1.03, iterations: int = 5) -> None:
         super().__init__()
-        self.iterations = iterations
-        self.log_epsilon = nn.Parameter(torch.zeros(()))
+        self.iterations = checks.count("lcdnet.iterations", iterations)
+        least = checks.at_least("lcdnet.epsilon", epsilon, 0)
+        if least <= _LEAST_EPSILON:
+            raise ConfigError(f"lcdnet.epsilon: {epsilon:g}, expected above {_LEAST_EPSILON:g}")
+        self.log_epsilon = nn.Parameter(torch.tensor(math.log(epsilon - _LEAST_EPSILON)))
         self.log_gamma = nn.Parameter(torch.zeros(()))
 
     @property
