@@ -39,6 +39,11 @@ TINY_METHODS = {
         *("sampling.pairs=4", "sampling.per_epoch=2"),
         *("sampling.positive_radius=10", "sampling.negative_radius=20"),
     ),
+    "overlapnet": (
+        *("method.raster.sectors=64", "method.raster.rows=12", "method.raster.viewpoint=1.8"),
+        *("method.layers=[[5,5,2,2,4],[4,3,1,1,4]]", "method.widths=[2,2,2]", "method.block=6"),
+        *("sampling.pairs=4", "sampling.per_epoch=2"),
+    ),
     "rinet": (
         *("method.raster.sectors=36", "method.widths=[2,2]", "method.steps=[3]"),
         *("sampling.pairs=4", "sampling.per_epoch=2"),

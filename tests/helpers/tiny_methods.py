@@ -1,5 +1,7 @@
 """Every registered method at a size that describes a scan in milliseconds, untrained."""
 
+from dataclasses import replace
+
 import torch
 
 from deepring.methods.deepring import DeepRing
@@ -10,6 +12,7 @@ from deepring.methods.lcdnet import LcdNet, LcdNetSettings
 from deepring.methods.lidar_iris import LidarIris
 from deepring.methods.locnet import LocNet, LocNetSettings
 from deepring.methods.m2dp import M2dp
+from deepring.methods.overlapnet import OverlapNet, OverlapNetSettings
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.rinet import RINet, RINetSettings
 from deepring.methods.ring import Ring
@@ -27,6 +30,7 @@ from deepring.rasters import (
     PointsRaster,
     PolarContextRaster,
     Preprocessing,
+    RangeNormalRaster,
     RingHistogramRaster,
     SemanticPointsRaster,
     SemanticRangesRaster,
@@ -44,6 +48,9 @@ IRIS = IrisRaster(sectors=72, rings=20)
 POLAR_CONTEXT = PolarContextRaster(sectors=24, rings=8, least=1)
 POINTS = PointsRaster(count=64)
 CLASSES = SemanticPointsRaster(sectors=36, rings=10, count=300)
+RANGES = RangeNormalRaster(
+    sectors=64, rows=12, elevation=(-25, 30), viewpoint=1.8, normals="radial"
+)
 RINGS = RingHistogramRaster(rows=16, buckets=20)
 MEANS = VoxelMeansRaster(
     200, 24, 2.0, 48.0, None, Preprocessing(height=(-28.0, 20.0), clearance=None)
@@ -98,6 +105,32 @@ def rinet():
     return RINet(RINetSettings(raster, widths=(4, 8), steps=(3,), hidden=8))
 
 
+TINY_OVERLAPNET = OverlapNetSettings(
+    raster_settings(RANGES),
+    layers=((5, 5, 2, 2, 4), (4, 3, 1, 1, 6)),
+    circular=True,
+    block=8,
+    widths=(8, 4, 4),
+)
+
+
+def overlapnet(**changes):
+    """Each difference of a column from the one it should be makes an overlap smaller."""
+    torch.manual_seed(0)
+    method = OverlapNet(replace(TINY_OVERLAPNET, **changes))
+    head, block = method.head, TINY_OVERLAPNET.block
+    with torch.no_grad():
+        for layer in (head.across, head.along, head.around, head.last):
+            layer.weight.zero_()
+        for k in range(block):
+            head.across.weight[k, :, 0, k] = 1.0
+            head.along.weight[:, k, k, 0] = 1.0
+        head.around.weight[:, :, 1, 1] = 0.1
+        side = method.columns // block - 2
+        head.last.weight.view(-1, side, side)[:] = -0.1 * torch.eye(side)
+    return method.eval()
+
+
 TINY = {
     "deepring": deepring,
     "ring": lambda: Ring(BEV, angles=24, bins=24),
@@ -113,6 +146,7 @@ TINY = {
     "pointnetvlad": pointnetvlad,
     "egonn": egonn,
     "locnet": locnet,
+    "overlapnet": overlapnet,
     "rinet": rinet,
     "lcdnet": lcdnet,
 }

@@ -36,6 +36,7 @@ from deepring.rasters import (
 )
 from deepring.testing import walls
 from helpers.networks import deepring_settings
+from helpers.tiny_methods import TINY
 
 BEV = BevRaster(cells=16)
 
@@ -79,6 +80,8 @@ def small(name):
         case "rinet":
             raster = raster_settings(HeightRangesRaster(sectors=12, bands=4))
             return RINet(RINetSettings(raster, widths=(2, 4), steps=(3,), hidden=4))
+        case "overlapnet":
+            return TINY["overlapnet"]()
         case "pointnetvlad":
             raster = raster_settings(PointsRaster(count=32))
             return PointNetVlad(
@@ -98,7 +101,7 @@ def small(name):
 
 METHODS = (
     *("deepring", "deepring l2", "ring", "ring published", "ring++", "scan context", "disco"),
-    *("pointnetvlad", "egonn", "locnet", "rinet"),
+    *("pointnetvlad", "egonn", "locnet", "rinet", "overlapnet"),
     *("fast histogram", "m2dp", "lidar iris", "polar context", "cart context"),
 )
 

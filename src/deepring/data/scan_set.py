@@ -45,7 +45,10 @@ class ScanSet:
 
     @property
     def frames(self) -> NDArray[np.float64]:
-        """World <- points as rasters see them (n, 4, 4): turned, z above the ground under them."""
+        """World poses (n, 4, 4) of the frames of the scans' rasters.
+
+        These have the axes of the scan after its turn, and their origin on the nominal ground.
+        """
         turns = np.zeros(len(self)) if self.turns is None else self.turns
         down = [[0.0, 0.0, self.ground_z]]
         seen = pose_from(rotation_from_rpy(0.0, 0.0, -turns), np.tile(down, (len(self), 1)))

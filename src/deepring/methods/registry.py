@@ -24,6 +24,7 @@ _METHODS: dict[str, str | type] = {
     "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",
     "locnet": "deepring.methods.locnet.LocNet",
+    "overlapnet": "deepring.methods.overlapnet.OverlapNet",
     "rinet": "deepring.methods.rinet.RINet",
     "lcdnet": "deepring.methods.lcdnet.LcdNet",
 }

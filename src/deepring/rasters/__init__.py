@@ -15,6 +15,7 @@ from deepring.rasters.polar import PolarRaster
 from deepring.rasters.polar_context import PolarContextRaster
 from deepring.rasters.preprocessing import Preprocessing
 from deepring.rasters.range_image import RangeRaster
+from deepring.rasters.range_normals import RangeNormalRaster
 from deepring.rasters.ring_histogram import RingHistogramRaster
 from deepring.rasters.semantic import SemanticRaster
 from deepring.rasters.semantic_points import SemanticPointsRaster
@@ -36,6 +37,7 @@ __all__ = [
     "PolarContextRaster",
     "PolarRaster",
     "Preprocessing",
+    "RangeNormalRaster",
     "RangeRaster",
     "Raster",
     "RingHistogramRaster",
