@@ -52,9 +52,7 @@ RANGES = RangeNormalRaster(
     sectors=64, rows=12, elevation=(-25, 30), viewpoint=1.8, normals="radial"
 )
 RINGS = RingHistogramRaster(rows=16, buckets=20)
-MEANS = VoxelMeansRaster(
-    200, 24, 2.0, 48.0, None, Preprocessing(height=(-28.0, 20.0), clearance=None)
-)
+MEANS = VoxelMeansRaster(200, 24, 2.0, 48.0, Preprocessing(height=(-28.0, 20.0), clearance=None))
 VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
 
 

@@ -7,12 +7,12 @@ import torch
 from deepring.core.rigid import moved_points, pose_from, rotation_from_rpy
 from deepring.errors import ConfigError, DataError
 from deepring.nn.neighbourhoods import farthest_points
-from deepring.rasters import Preprocessing, VoxelMeansRaster
+from deepring.rasters import IntensityMeansRaster, Preprocessing, VoxelMeansRaster
 from deepring.rasters.voxel_means import FULL, NO_POINT
 from deepring.testing import walls
 
 ALL = Preprocessing(height=(-2.0, 6.0), clearance=None, extent=70.4)
-SMALL = VoxelMeansRaster(300, 20, size=2.0, radius=20.0, full_intensity=None, preprocessing=ALL)
+SMALL = VoxelMeansRaster(300, 20, size=2.0, radius=20.0, preprocessing=ALL)
 
 
 def points_of(raster, image):
@@ -36,11 +36,11 @@ def in_order(rows):
 
 
 def test_rows_are_the_means_of_a_loop_over_the_points():
-    raster = VoxelMeansRaster(2000, 30, 1.5, 30.0, full_intensity=200.0, preprocessing=ALL)
+    raster = IntensityMeansRaster(2000, 30, 1.5, 30.0, ALL, full_intensity=200.0)
     points = walls(0)
     points = np.column_stack([points, np.arange(len(points)) % 300]).astype(np.float32)
-    means = by_loop(points[points[:, 2] < 6], raster)
-    means[:, 3] = np.minimum(means[:, 3] / 200, 1)
+    shares = np.column_stack([points[:, :3], np.minimum(points[:, 3] / 200, 1)])
+    means = by_loop(shares[points[:, 2] < 6], raster)
     found = points_of(raster, raster(points, 0.0))
     assert 1000 < len(means) < 2000
     assert np.abs(found - raster_order(means, raster)).max() < 30 / FULL
@@ -64,7 +64,7 @@ def test_neither_the_order_of_the_points_nor_their_number_in_a_voxel_changes_an_
 
 def test_too_many_voxels_are_thinned_evenly_and_too_few_are_followed_by_nothing():
     points = walls(2)
-    few = VoxelMeansRaster(100, 10, 2.0, 20.0, None, ALL)(points, 0.0)
+    few = VoxelMeansRaster(100, 10, 2.0, 20.0, ALL)(points, 0.0)
     assert (few[:, 0] != NO_POINT).all()
     all_of_them = {tuple(row) for row in SMALL(points, 0.0).tolist()}
     assert {tuple(row) for row in few.tolist()} <= all_of_them
@@ -76,7 +76,7 @@ def test_too_many_voxels_are_thinned_evenly_and_too_few_are_followed_by_nothing(
 
 
 def test_points_at_one_place_are_still_different_rows():
-    raster = VoxelMeansRaster(8, 8, 1.0, 20.0, None, ALL)
+    raster = VoxelMeansRaster(8, 8, 1.0, 20.0, ALL)
     below = np.nextafter(np.float32(1), np.float32(0))
     rows = points_of(raster, raster(np.float32([[below, 0.5, 0.5], [1, 0.5, 0.5]]), 0.0))
     assert len(rows) == 2
@@ -84,7 +84,7 @@ def test_points_at_one_place_are_still_different_rows():
 
 def test_intensities_are_read_where_they_are_asked_for():
     assert SMALL.columns == ()
-    raster = VoxelMeansRaster(full_intensity=255.0)
+    raster = IntensityMeansRaster(full_intensity=255.0)
     assert raster.columns == ("intensity",)
     with pytest.raises(DataError, match=r"expected \(n, 4\): x, y, z, intensity"):
         raster(walls(0), 0.0)
@@ -131,4 +131,4 @@ def test_turned_images_are_those_of_turned_points():
 )
 def test_bad_values_are_named(values, message):
     with pytest.raises(ConfigError, match=message):
-        VoxelMeansRaster(**values)
+        IntensityMeansRaster(**values)

@@ -20,9 +20,7 @@ from helpers.tiny_methods import egonn
 from helpers.training_scans import some_scans
 
 #: The world lies within 20 m of each scan, and scans reach to 60 m: moving loses no point.
-RASTER = VoxelMeansRaster(
-    200, 24, 2.0, 60.0, None, Preprocessing(height=(-28.0, 20.0), clearance=None)
-)
+RASTER = VoxelMeansRaster(200, 24, 2.0, 60.0, Preprocessing(height=(-28.0, 20.0), clearance=None))
 
 
 def two_passes(places=6, apart=40.0):

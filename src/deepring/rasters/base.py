@@ -42,6 +42,9 @@ class Raster(ABC):
     """Meaning of each axis: 'x', 'y', 'theta', 'r', ... Networks choose their input layer by it."""
     dtype: ClassVar[np.dtype[Any]]
     """Type of the array's values; bool arrays are stored as bits."""
+    columns: ClassVar[tuple[str, ...]] = ()
+    """Columns of the points that the raster takes behind x, y and z, such as 'label'."""
+
     preprocessing: Preprocessing
 
     def __init_subclass__(cls, *, kind: str) -> None:
@@ -53,11 +56,6 @@ class Raster(ABC):
             )
         cls.kind = kind
         RASTERS[kind] = cls
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Columns of the points that the raster takes behind x, y and z, such as 'label'."""
-        return ()
 
     @property
     @abstractmethod

@@ -38,15 +38,15 @@ class VoxelMeansRaster(Raster, kind="voxel_means"):
     farthest from the sensor; the others follow by x, y, z of their voxels, and rows of `NO_POINT`
     after these. Of more than ``max_points`` voxels, evenly spread ones remain.
 
-    Coordinates are in units of ``radius`` / 32767, 2 mm. Intensities are divided by
-    ``full_intensity``, cut at 1 and stored in units of 1 / 32767; the points need no intensity
-    where it is None, and all have 1. Voxels are cubes of ``size`` metres and begin at -radius in
-    x and y, and at the lower end of the preprocessing's ``height``.
+    Coordinates are in units of ``radius`` / 32767, 2 mm, intensities in units of 1 / 32767. All
+    have an intensity of 1 here, so that any scan serves; `IntensityMeansRaster` reads it. Voxels
+    are cubes of ``size`` metres and begin at -radius in x and y, and at the lower end of the
+    preprocessing's ``height``.
 
     LCDNet takes the mean of up to 5 points in each voxel, in the order of the scan, and samples
     its keypoints from all points; here all points of a voxel count, and the means are sampled.
 
-    >>> points = np.array([[5.01, 0.02, 1.0, 0.5], [5.03, 0.02, 1.0, 1.5]])
+    >>> points = np.array([[5.01, 0.02, 1.0], [5.03, 0.02, 1.0]])
     >>> image = VoxelMeansRaster(max_points=2, keypoints=1)(points, ground_z=0.0)
     >>> (image[0] / 32767 * [70.4, 70.4, 70.4, 1]).round(2).tolist(), image[1].tolist()
     ([5.02, 0.02, 1.0, 1.0], [-32768, 0, 0, 0])
@@ -56,7 +56,6 @@ class VoxelMeansRaster(Raster, kind="voxel_means"):
     keypoints: int = 4096
     size: float = 0.1
     radius: float = 70.4
-    full_intensity: float | None = 1.0
     preprocessing: Preprocessing = field(default_factory=published)
 
     axes = ("point", "xyzi")
@@ -67,8 +66,6 @@ class VoxelMeansRaster(Raster, kind="voxel_means"):
         checks.count("raster.max_points", self.max_points, self.keypoints, 2**20)
         self.check_lengths("size", "radius")
         self.check_reach(self.radius)
-        if self.full_intensity is not None:
-            checks.positive("raster.full_intensity", self.full_intensity)
         low, high = self.preprocessing.height
         if max(-low, high) > self.radius:
             raise ConfigError(
@@ -80,11 +77,6 @@ class VoxelMeansRaster(Raster, kind="voxel_means"):
                 f"raster.size: {self.size:g} m, expected larger voxels of a scan of "
                 f"{2 * self.radius:g} m"
             )
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """The intensity, unless all points have 1."""
-        return () if self.full_intensity is None else ("intensity",)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -106,8 +98,8 @@ class VoxelMeansRaster(Raster, kind="voxel_means"):
         return -self.radius, -self.radius, self.preprocessing.height[0]
 
     def rasterize(self, points: NDArray[np.float32]) -> NDArray[np.int16]:
-        """Means of points (n, 3), or (n, 4) with an intensity, (max_points, 4) int16."""
-        means = self._means(points)
+        """Means of points (n, 3 + columns), (max_points, 4) int16."""
+        means = self._means(np.column_stack([points[:, :3], self.intensities(points)]))
         if len(means) > self.max_points:
             means = means[spread(len(means), self.max_points)]
         rows = np.zeros(self.shape, dtype=np.int16)
@@ -115,10 +107,12 @@ class VoxelMeansRaster(Raster, kind="voxel_means"):
         rows[: len(means)] = self._stored(means)[self._order(means)]
         return rows
 
-    def _means(self, points: NDArray[np.float32]) -> NDArray[np.float64]:
+    def intensities(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Of points (n, 3 + columns), (n,) in [0, 1]: 1."""
+        return np.ones(len(points), dtype=np.float32)
+
+    def _means(self, values: NDArray[np.float32]) -> NDArray[np.float64]:
         """x, y, z and intensity (m, 4) of each occupied voxel, by x, then y, then z."""
-        ones = np.ones((len(points), 1))
-        values = np.column_stack([points, ones] if self.full_intensity is None else [points])
         cells = np.floor((values[:, :3] - self.corner) / self.size).astype(np.int64)
         inside = ((cells >= 0) & (cells < self.extent)).all(axis=1)
         values, cells = values[inside], cells[inside]
@@ -129,9 +123,8 @@ class VoxelMeansRaster(Raster, kind="voxel_means"):
         return means
 
     def _stored(self, means: NDArray[np.float64]) -> NDArray[np.int16]:
-        scaled = means * (FULL / self.radius)
-        scaled[:, 3] = np.clip(means[:, 3] / (self.full_intensity or 1.0), 0, 1) * FULL
-        return np.rint(scaled).astype(np.int16)
+        scale = FULL / np.array([self.radius, self.radius, self.radius, 1.0])
+        return np.rint(means * scale).astype(np.int16)
 
     def _order(self, means: NDArray[np.float64]) -> NDArray[np.int64]:
         """Numbers of all means, the keypoints first."""
@@ -190,3 +183,30 @@ class VoxelMeansRaster(Raster, kind="voxel_means"):
         moved = torch.where(filled[..., None], moved, gone).to(images.dtype)
         order = (~filled).sort(dim=1, stable=True).indices
         return moved.gather(1, order[..., None].expand_as(moved))
+
+
+@dataclass(frozen=True)
+class IntensityMeansRaster(VoxelMeansRaster, kind="intensity_means"):
+    """The same with the mean intensity of the points in each voxel.
+
+    Intensities are divided by ``full_intensity``, which is 1 for KITTI and 255 for NCLT, and cut
+    at 0 and 1.
+
+    >>> points = np.array([[5.01, 0.02, 1.0, 0.2], [5.03, 0.02, 1.0, 1.5]])
+    >>> image = IntensityMeansRaster(max_points=2, keypoints=1)(points, ground_z=0.0)
+    >>> (image[0] / 32767 * [70.4, 70.4, 70.4, 1]).round(2).tolist()
+    [5.02, 0.02, 1.0, 0.6]
+    """
+
+    full_intensity: float = 1.0
+
+    columns = ("intensity",)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        checks.positive("raster.full_intensity", self.full_intensity)
+
+    def intensities(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Of points (n, 4), (n,) in [0, 1]."""
+        shares: NDArray[np.float32] = np.clip(points[:, 3] / np.float32(self.full_intensity), 0, 1)
+        return shares
