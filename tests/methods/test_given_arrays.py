@@ -80,6 +80,8 @@ def small(name):
         case "rinet":
             raster = raster_settings(HeightRangesRaster(sectors=12, bands=4))
             return RINet(RINetSettings(raster, widths=(2, 4), steps=(3,), hidden=4))
+        case "lcdnet":
+            return TINY["lcdnet"]()
         case "overlapnet":
             return TINY["overlapnet"]()
         case "pointnetvlad":
@@ -101,7 +103,7 @@ def small(name):
 
 METHODS = (
     *("deepring", "deepring l2", "ring", "ring published", "ring++", "scan context", "disco"),
-    *("pointnetvlad", "egonn", "locnet", "rinet", "overlapnet"),
+    *("pointnetvlad", "egonn", "locnet", "rinet", "overlapnet", "lcdnet"),
     *("fast histogram", "m2dp", "lidar iris", "polar context", "cart context"),
 )
 
