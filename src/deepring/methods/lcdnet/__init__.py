@@ -117,7 +117,7 @@ class LcdNet(VectorNetwork):
         )
         x, y, _ = levels[-1].first
         places = (keypoints[..., :2] - keypoints.new_tensor(raster.corner[:2])) / raster.size
-        places = (places - places.new_tensor([x, y])) / above.stride[0]  # type: ignore[index]
+        places = (places - places.new_tensor([x, y])) / above.stride[0]
         seen = [from_above(above, self.backbone.layers, places)]
         of_means, *of_levels = self.balls
         means = points[filled]
@@ -132,9 +132,7 @@ class LcdNet(VectorNetwork):
 
     def match(self, first: Encoded, second: Encoded) -> Matches:
         """Where the keypoints of each first scan are in the second; its transform says how."""
-        return self.pose_head(  # type: ignore[no-any-return]
-            first.points, first.features, second.points, second.features
-        )
+        return self.pose_head(first.points, first.features, second.points, second.features)
 
     @torch.no_grad()
     def relative_poses(
