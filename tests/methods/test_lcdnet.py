@@ -15,7 +15,7 @@ from deepring.nn.balls import rows_in_balls
 from deepring.nn.sparse import SparseTensor
 from deepring.nn.sparse_grid import Grid
 from deepring.rasters import raster_settings
-from deepring.testing import check_method, walls
+from deepring.testing import walls
 from helpers.tiny_methods import MEANS, lcdnet
 
 CORNER, SIZE, EXTENT = (-3.0, -4.0, -1.0), 0.5, (12, 16, 24)
@@ -23,10 +23,6 @@ CORNER, SIZE, EXTENT = (-3.0, -4.0, -1.0), 0.5, (12, 16, 24)
 
 def scans(seeds):
     return torch.from_numpy(np.stack([MEANS(walls(k), 0.0) for k in seeds]))
-
-
-def test_it_is_a_method():
-    assert set(check_method(lcdnet())) == {"turn"}
 
 
 def test_the_published_size_has_the_published_number_of_parameters():
