@@ -79,9 +79,9 @@ class Backbone(nn.Module):
             fitting = [n for n in range(8, 400) if _levels_of(n + 1)]
             near = sorted(sorted(fitting, key=lambda n: abs(n - layers))[:3])
             raise ConfigError(
-                f"raster: {layers} voxels along z, expected a number such as "
-                f"{', '.join(map(str, near))} that three strides leave no layer of unseen; change "
-                "raster.size or preprocessing.height"
+                f"raster: {layers} voxels along z, expected a number of which the strides leave no "
+                f"layer unseen, such as {', '.join(map(str, near))}; change raster.size or "
+                "preprocessing.height"
             )
 
         def same(inputs: int, outputs: int) -> nn.Module:
