@@ -271,7 +271,5 @@ def test_bad_settings_are_named(values, message):
 
 def test_heights_that_leave_a_layer_unseen_are_refused():
     raster = {**raster_settings(MEANS), "size": 4.0}
-    with pytest.raises(
-        ConfigError, match=r"raster: 12 voxels along z, expected .* such as 24, 25, 26"
-    ):
+    with pytest.raises(ConfigError, match=r"raster: 12 voxels along z.* such as 24, 25, 26"):
         LcdNet(LcdNetSettings(raster))
