@@ -2,7 +2,8 @@
 
 Sites are integer coordinates (batch, θ, r, z), or (batch, x, y, z), kept sorted. A kernel map
 lists which input site feeds which output site at each offset of a kernel; it depends only on the
-sites and is built once for all layers of one stride. Source: Choy et al., "4D Spatio-Temporal ConvNets", CVPR 2019, Sec. 3.
+sites and is built once for all layers of one stride. Source: Choy et al., "4D Spatio-Temporal
+ConvNets", CVPR 2019, Sec. 3.
 """
 
 import itertools
