@@ -38,6 +38,7 @@ TURNLESS = (
     "locnet",
     "rinet",
     "lpdnet",
+    "lcdnet",
 )
 WITHOUT_TURN = {"turn": "compare returns no turn"}
 

@@ -8,6 +8,7 @@ from deepring.methods.deepring import DeepRing
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
 from deepring.methods.fast_histogram import FastHistogram
+from deepring.methods.lcdnet import LcdNet, LcdNetSettings
 from deepring.methods.lidar_iris import LidarIris
 from deepring.methods.locnet import LocNet, LocNetSettings
 from deepring.methods.lpdnet import LpdNet, LpdNetSettings
@@ -30,10 +31,12 @@ from deepring.rasters import (
     PointFeaturesRaster,
     PointsRaster,
     PolarContextRaster,
+    Preprocessing,
     RangeNormalRaster,
     RingHistogramRaster,
     SemanticPointsRaster,
     SemanticRangesRaster,
+    VoxelMeansRaster,
     VoxelRaster,
     raster_settings,
 )
@@ -52,6 +55,7 @@ RANGES = RangeNormalRaster(
     sectors=64, rows=12, elevation=(-25, 30), viewpoint=1.8, normals="radial"
 )
 RINGS = RingHistogramRaster(rows=16, buckets=20)
+MEANS = VoxelMeansRaster(200, 24, 2.0, 48.0, Preprocessing(height=(-28.0, 20.0), clearance=None))
 VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
 
 
@@ -99,6 +103,12 @@ def locnet():
     return LocNet(LocNetSettings(raster_settings(RINGS), channels=(4, 6), dimension=8))
 
 
+def lcdnet():
+    torch.manual_seed(0)
+    values = {"features": 16, "clusters": 4, "dimension": 8, "momentum": 0.1}
+    return LcdNet(LcdNetSettings(raster_settings(MEANS), widths=(4, 4, 6, 6, 8), **values))
+
+
 def rinet():
     torch.manual_seed(0)
     raster = raster_settings(SemanticRangesRaster(sectors=36))
@@ -137,4 +147,5 @@ TINY = {
     "locnet": locnet,
     "overlapnet": overlapnet,
     "rinet": rinet,
+    "lcdnet": lcdnet,
 }

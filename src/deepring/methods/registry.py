@@ -27,6 +27,7 @@ _METHODS: dict[str, str | type] = {
     "locnet": "deepring.methods.locnet.LocNet",
     "overlapnet": "deepring.methods.overlapnet.OverlapNet",
     "rinet": "deepring.methods.rinet.RINet",
+    "lcdnet": "deepring.methods.lcdnet.LcdNet",
 }
 """Classes, or their dotted paths, which are imported when they are asked for."""
 

@@ -20,6 +20,7 @@ from deepring.rasters.range_normals import RangeNormalRaster
 from deepring.rasters.ring_histogram import RingHistogramRaster
 from deepring.rasters.semantic import SemanticRaster
 from deepring.rasters.semantic_points import SemanticPointsRaster
+from deepring.rasters.voxel_means import IntensityMeansRaster, VoxelMeansRaster
 from deepring.rasters.voxels import VoxelRaster
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "HeightRangesRaster",
     "HeightRaster",
     "HistogramRaster",
+    "IntensityMeansRaster",
     "IrisRaster",
     "M2dpRaster",
     "PointFeaturesRaster",
@@ -45,6 +47,7 @@ __all__ = [
     "SemanticPointsRaster",
     "SemanticRangesRaster",
     "SemanticRaster",
+    "VoxelMeansRaster",
     "VoxelRaster",
     "make_raster",
     "raster_settings",

@@ -28,6 +28,9 @@ class TrainingScans:
     rasters: Rasters
     session: NDArray[np.int64]
     """(n,) number of each scan's session, over all datasets; those of one are in driving order."""
+    frames: NDArray[np.float64] | None = None
+    """(n, 4, 4): dataset <- points of the rasters, from z on the ground under the sensor; None
+    where it is not known."""
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -44,7 +47,9 @@ class TrainingScans:
         """Scans of one session and their rasters; ``origin`` (2,) metres is the dataset's."""
         numbers = np.full(len(scans), dataset, dtype=np.int64)
         session = np.zeros_like(numbers)
-        return cls(scans.positions - origin, numbers, scans.headings, rasters, session)
+        frames = scans.frames
+        frames[:, :2, 3] -= origin
+        return cls(scans.positions - origin, numbers, scans.headings, rasters, session, frames)
 
     @classmethod
     def concatenate(cls, sessions: Sequence[Self]) -> Self:
@@ -59,7 +64,14 @@ class TrainingScans:
                 sessions[0].rasters.raster,
             ),
             np.concatenate([scans.session + k for scans, k in zip(sessions, before, strict=False)]),
+            _joined([scans.frames for scans in sessions]),
         )
+
+
+def _joined(frames: Sequence[NDArray[np.float64] | None]) -> NDArray[np.float64] | None:
+    """The frames of several sets; None where those of one are not known."""
+    known = [part for part in frames if part is not None]
+    return np.concatenate(known) if len(known) == len(frames) else None
 
 
 def set_apart(positions: NDArray[np.float64], dataset: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -38,6 +38,7 @@ _METHODS = (
     "rinet",
     "lpdnet",
     "overlapnet",
+    "lcdnet",
 )
 _SCAN = np.array(scene(1), np.float32)
 
