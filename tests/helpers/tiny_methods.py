@@ -3,6 +3,7 @@
 import torch
 
 from deepring.methods.deepring import DeepRing
+from deepring.methods.dh3d import Dh3d, Dh3dSettings
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
 from deepring.methods.fast_histogram import FastHistogram
@@ -86,6 +87,13 @@ def rinet():
     return RINet(RINetSettings(raster, widths=(4, 8), steps=(3,), hidden=8))
 
 
+def dh3d():
+    torch.manual_seed(0)
+    widths = {"stem": 4, "first": 4, "second": 8, "gates": (2, 2), "local": 8, "detector": (4,)}
+    head = {"features": 8, "attention": 4, "clusters": 2, "dimension": 16, "keypoints": 32}
+    return Dh3d(Dh3dSettings(raster_settings(POINTS), **widths, **head))
+
+
 TINY = {
     "deepring": deepring,
     "ring": lambda: Ring(BEV, angles=24, bins=24),
@@ -102,4 +110,5 @@ TINY = {
     "egonn": egonn,
     "locnet": locnet,
     "rinet": rinet,
+    "dh3d": dh3d,
 }

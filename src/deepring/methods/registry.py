@@ -25,6 +25,7 @@ _METHODS: dict[str, str | type] = {
     "egonn": "deepring.methods.egonn.EgoNnGlobal",
     "locnet": "deepring.methods.locnet.LocNet",
     "rinet": "deepring.methods.rinet.RINet",
+    "dh3d": "deepring.methods.dh3d.Dh3d",
 }
 """Classes, or their dotted paths, which are imported when they are asked for."""
 
