@@ -9,6 +9,7 @@ from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
 from deepring.methods.fast_histogram import FastHistogram
 from deepring.methods.lidar_iris import LidarIris
 from deepring.methods.locnet import LocNet, LocNetSettings
+from deepring.methods.lpdnet import LpdNet, LpdNetSettings
 from deepring.methods.m2dp import M2dp
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.rinet import RINet, RINetSettings
@@ -24,6 +25,7 @@ from deepring.rasters import (
     HeightRaster,
     HistogramRaster,
     IrisRaster,
+    PointFeaturesRaster,
     PointsRaster,
     PolarContextRaster,
     RingHistogramRaster,
@@ -41,6 +43,7 @@ HEIGHTS = HeightRaster(layers=2, sectors=24, rings=16)
 IRIS = IrisRaster(sectors=72, rings=20)
 POLAR_CONTEXT = PolarContextRaster(sectors=24, rings=8, least=1)
 POINTS = PointsRaster(count=64)
+POINT_FEATURES = PointFeaturesRaster(count=64, neighbours=(6, 10))
 CLASSES = SemanticPointsRaster(sectors=36, rings=10, count=300)
 RINGS = RingHistogramRaster(rows=16, buckets=20)
 VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
@@ -69,6 +72,15 @@ def pointnetvlad():
         raster_settings(POINTS), (8,), (8, 16), (8,), (8,), clusters=2, dimension=16
     )
     return PointNetVlad(settings)
+
+
+def lpdnet():
+    torch.manual_seed(0)
+    settings = LpdNetSettings(
+        raster_settings(POINT_FEATURES), first=(8,), graph=(8,), spatial=(8,), second=(8, 16),
+        neighbours=4, transform_widths=(8,), transform_hidden=(8,), clusters=2, dimension=16,
+    )  # fmt: skip
+    return LpdNet(settings)
 
 
 def egonn():
@@ -107,6 +119,7 @@ TINY = {
     "ssc": lambda: Ssc(CLASSES),
     "disco": disco,
     "pointnetvlad": pointnetvlad,
+    "lpdnet": lpdnet,
     "egonn": egonn,
     "locnet": locnet,
     "rinet": rinet,

@@ -29,7 +29,10 @@ from fuzz.scenes import scene
 from helpers.tiny_methods import TINY
 
 #: All that learn.
-_METHODS = ("deepring", "disco", "pointnetvlad", "egonn", "locnet", "rinet", "dh3d")
+_METHODS = (
+    *("deepring", "disco", "pointnetvlad", "egonn", "locnet", "rinet", "lpdnet"),
+    "dh3d",
+)
 _SCAN = np.array(scene(1), np.float32)
 
 
