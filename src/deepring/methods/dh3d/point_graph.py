@@ -80,6 +80,6 @@ def nearest_numbers(
         return torch.from_numpy(np.reshape(np.array(found, dtype=np.int64), shape))
     blocks = [
         distances(rows, points).topk(number, dim=-1, largest=False).indices
-        for rows in centres.split(_ROWS, dim=1)
+        for rows in torch.split(centres, _ROWS, dim=1)
     ]
     return torch.cat(blocks, dim=1)
