@@ -39,6 +39,7 @@ TURNLESS = (
     "rinet",
     "lpdnet",
     "lcdnet",
+    "dh3d",
 )
 WITHOUT_TURN = {"turn": "compare returns no turn"}
 

@@ -57,6 +57,11 @@ TINY_METHODS = {
         *("method.momentum=0.1", "sampling.pairs=2", "sampling.per_epoch=2"),
         "sampling.positive_radius=10",
     ),
+    "dh3d": (
+        *("method.raster.count=64", "method.stem=4", "method.first=4", "method.second=4"),
+        *("method.detector=[4]", "method.features=8", "method.attention=4", "method.clusters=2"),
+        *("sampling.negatives=2", "sampling.negative_radius=20", "sampling.per_epoch=2"),
+    ),
     "rinet": (
         *("method.raster.sectors=36", "method.widths=[2,2]", "method.steps=[3]"),
         *("sampling.pairs=4", "sampling.per_epoch=2"),

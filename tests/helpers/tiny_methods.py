@@ -5,6 +5,7 @@ from dataclasses import replace
 import torch
 
 from deepring.methods.deepring import DeepRing
+from deepring.methods.dh3d import Dh3d, Dh3dSettings
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
 from deepring.methods.fast_histogram import FastHistogram
@@ -129,6 +130,13 @@ def overlapnet(**changes):
     return OverlapNet(replace(TINY_OVERLAPNET, **changes)).eval()
 
 
+def dh3d():
+    torch.manual_seed(0)
+    widths = {"stem": 4, "first": 4, "second": 8, "gates": (2, 2), "local": 8, "detector": (4,)}
+    head = {"features": 8, "attention": 4, "clusters": 2, "dimension": 16, "keypoints": 32}
+    return Dh3d(Dh3dSettings(raster_settings(POINTS), **widths, **head))
+
+
 TINY = {
     "deepring": deepring,
     "ring": lambda: Ring(BEV, angles=24, bins=24),
@@ -148,4 +156,5 @@ TINY = {
     "overlapnet": overlapnet,
     "rinet": rinet,
     "lcdnet": lcdnet,
+    "dh3d": dh3d,
 }

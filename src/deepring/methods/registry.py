@@ -28,6 +28,7 @@ _METHODS: dict[str, str | type] = {
     "overlapnet": "deepring.methods.overlapnet.OverlapNet",
     "rinet": "deepring.methods.rinet.RINet",
     "lcdnet": "deepring.methods.lcdnet.LcdNet",
+    "dh3d": "deepring.methods.dh3d.Dh3d",
 }
 """Classes, or their dotted paths, which are imported when they are asked for."""
 

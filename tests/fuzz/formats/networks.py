@@ -39,6 +39,7 @@ _METHODS = (
     "lpdnet",
     "overlapnet",
     "lcdnet",
+    "dh3d",
 )
 _SCAN = np.array(scene(1), np.float32)
 
