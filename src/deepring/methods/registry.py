@@ -25,6 +25,7 @@ _METHODS: dict[str, str | type] = {
     "egonn": "deepring.methods.egonn.EgoNnGlobal",
     "locnet": "deepring.methods.locnet.LocNet",
     "rinet": "deepring.methods.rinet.RINet",
+    "locus": "deepring.methods.locus.Locus",
 }
 """Classes, or their dotted paths, which are imported when they are asked for."""
 

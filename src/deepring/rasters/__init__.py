@@ -16,6 +16,7 @@ from deepring.rasters.polar_context import PolarContextRaster
 from deepring.rasters.preprocessing import Preprocessing
 from deepring.rasters.range_image import RangeRaster
 from deepring.rasters.ring_histogram import RingHistogramRaster
+from deepring.rasters.segments import SegmentsRaster
 from deepring.rasters.semantic import SemanticRaster
 from deepring.rasters.semantic_points import SemanticPointsRaster
 from deepring.rasters.voxels import VoxelRaster
@@ -38,6 +39,7 @@ __all__ = [
     "RangeRaster",
     "Raster",
     "RingHistogramRaster",
+    "SegmentsRaster",
     "SemanticPointsRaster",
     "SemanticRangesRaster",
     "SemanticRaster",
