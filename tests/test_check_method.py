@@ -29,7 +29,10 @@ from deepring.search.hits import Hits
 from deepring.testing import MethodError, check_method, rasterize, walls
 from helpers.tiny_methods import BEV, CONTEXT, TINY, deepring, disco
 
-TURNLESS = ("pointnetvlad", "egonn", "fast_histogram", "m2dp", "cart_context", "locnet", "rinet")
+TURNLESS = (
+    *("pointnetvlad", "egonn", "fast_histogram", "m2dp", "cart_context", "locnet", "rinet"),
+    "locus",
+)
 WITHOUT_TURN = {"turn": "compare returns no turn"}
 
 

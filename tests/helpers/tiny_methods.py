@@ -8,6 +8,7 @@ from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
 from deepring.methods.fast_histogram import FastHistogram
 from deepring.methods.lidar_iris import LidarIris
 from deepring.methods.locnet import LocNet, LocNetSettings
+from deepring.methods.locus import Locus, LocusSettings
 from deepring.methods.m2dp import M2dp
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.rinet import RINet, RINetSettings
@@ -26,6 +27,7 @@ from deepring.rasters import (
     PointsRaster,
     PolarContextRaster,
     RingHistogramRaster,
+    SegmentsRaster,
     SemanticPointsRaster,
     SemanticRangesRaster,
     VoxelRaster,
@@ -42,6 +44,9 @@ POLAR_CONTEXT = PolarContextRaster(sectors=24, rings=8, least=1)
 POINTS = PointsRaster(count=64)
 CLASSES = SemanticPointsRaster(sectors=36, rings=10, count=300)
 RINGS = RingHistogramRaster(rows=16, buckets=20)
+SEGMENTS = SegmentsRaster(
+    max_segments=12, cells=(4, 4, 4), tolerance=2.0, least_points=10, most_points=3000
+)
 VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
 
 
@@ -86,6 +91,12 @@ def rinet():
     return RINet(RINetSettings(raster, widths=(4, 8), steps=(3,), hidden=8))
 
 
+def locus():
+    torch.manual_seed(0)
+    values = {"channels": (2, 2, 2), "hidden": 8, "feature": 8, "least_segments": 2}
+    return Locus(LocusSettings(raster_settings(SEGMENTS), **values)).eval()
+
+
 TINY = {
     "deepring": deepring,
     "ring": lambda: Ring(BEV, angles=24, bins=24),
@@ -102,4 +113,5 @@ TINY = {
     "egonn": egonn,
     "locnet": locnet,
     "rinet": rinet,
+    "locus": locus,
 }

@@ -130,7 +130,7 @@ class SegmentsRaster(Raster, kind="segments"):
         """
         rows = rasters.to(torch.uint8)
         sizes = [self._bits, _CENTRE, _EXTENTS, _FLOAT.itemsize * self.max_segments]
-        bits, *numbers = rows.split(sizes, dim=-1)
+        bits, *numbers = torch.split(rows, sizes, dim=-1)
         centres, extents, distances = (part.contiguous().view(torch.float32) for part in numbers)
         present = (bits != 0).any(dim=-1)
         both = present[..., None] & present[..., None, :]

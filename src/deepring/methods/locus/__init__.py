@@ -30,6 +30,7 @@ class LocusSettings(PlainSettings):
     channels: Sequence[int] = (32, 64, 64)
     hidden: int = 512
     feature: int = 64
+    dropout: float = 0.5
     neighbours: int = 5
     least_segments: int = 7
     exponent: float = 0.5
@@ -56,7 +57,8 @@ class Locus(NetworkMethod):
         checks.positive("locus.exponent", settings.exponent)
         assert isinstance(self.raster, SegmentsRaster)
         self.segment_network = SegmentNetwork(
-            self.raster.cells, settings.channels, settings.hidden, settings.feature
+            *(self.raster.cells, settings.channels, settings.hidden, settings.feature),
+            settings.dropout,
         )
 
     def forward(self, rasters: UInt8[Tensor, "batch s byte"]) -> Float[Tensor, "batch value"]:

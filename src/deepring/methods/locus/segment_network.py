@@ -41,7 +41,7 @@ class SegmentNetwork(nn.Module):
         first, second, third = (checks.count("locus.channels", n) for n in channels)
         checks.count("locus.hidden", hidden)
         checks.count("locus.feature", feature)
-        checks.fraction("locus.dropout", dropout)
+        checks.share("locus.dropout", dropout)
         self.convolutions = nn.Sequential(
             nn.Conv3d(1, first, 3, padding=1),
             nn.ReLU(),
@@ -73,7 +73,7 @@ class SegmentNetwork(nn.Module):
         """Features of segments; see the class."""
         if torch.is_grad_enabled() or len(voxels) <= _AT_ONCE:
             return self._features(voxels, extents)
-        lots = zip(voxels.split(_AT_ONCE), extents.split(_AT_ONCE), strict=True)
+        lots = zip(torch.split(voxels, _AT_ONCE), torch.split(extents, _AT_ONCE), strict=True)
         return torch.cat([self._features(*lot) for lot in lots])
 
     def _features(self, voxels: Tensor, extents: Tensor) -> Tensor:

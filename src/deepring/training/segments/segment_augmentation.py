@@ -36,7 +36,7 @@ class SegmentAugmentation:
         rng: np.random.Generator,
     ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
         """Voxels (x, y, z) and extents (3,), metres, of a segment changed; never without voxels."""
-        cells: Cells = occupied.shape  # type: ignore[assignment]
+        cells: Cells = occupied.shape
         points = voxel_points(occupied, extents, self.smallest_voxel)
         points = points[rng.random(len(points)) >= rng.uniform(0, self.dropped)]
         direction = rng.normal(size=3)

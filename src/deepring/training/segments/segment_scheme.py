@@ -106,7 +106,7 @@ class SegmentScheme(TrainingScheme):
                 "expected a method with segment_features(voxels, extents), such as Locus"
             )
         features = method.segment_features(batch.voxels, batch.extents)
-        return loss(features, batch.voxels, batch.identity)  # type: ignore[no-any-return]
+        return loss(features, batch.voxels, batch.identity)
 
 
 class SegmentSet(TrainingSet[SegmentBatch]):
@@ -155,11 +155,13 @@ class SegmentSet(TrainingSet[SegmentBatch]):
     def _chosen(self, index: int) -> NDArray[np.int64]:
         """Numbers of the segments of a batch: all in random order, then again in another."""
         size, n = self.scheme.size, len(self.identity)
-        places = np.arange(index * size, (index + 1) * size)
-        rounds = {
-            k: np.random.default_rng([self.seed, k, 1]).permutation(n) for k in set(places // n)
+        turn, place = np.divmod(np.arange(index * size, (index + 1) * size), n)
+        orders = {
+            k: np.random.default_rng([self.seed, k, 1]).permutation(n)
+            for k in range(int(turn[0]), int(turn[-1]) + 1)
         }
-        return np.array([rounds[place // n][place % n] for place in places], dtype=np.int64)
+        chosen = [orders[k][m] for k, m in zip(turn.tolist(), place.tolist(), strict=True)]
+        return np.array(chosen, dtype=np.int64)
 
     def _segments(self, chosen: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
         """Voxels (n, x, y, z) and extents (n, 3) of segments by their numbers."""
