@@ -69,6 +69,21 @@ def test_the_same_seed_writes_the_same_bytes(scan_files, tmp_path):
     assert a == b != c
 
 
+def test_methods_beside_the_representations(scan_files, tmp_path, capsys):
+    chosen = ("--methods", "fast_histogram,scan_context", "--pairs", 2)
+    work_of("case-study", "--format", "nclt", *scan_files, *chosen, "-o", tmp_path / "out")
+    further = {"case_study_methods.csv", "case_study_methods.png"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {*FILES, *further}
+    said = capsys.readouterr().out
+    assert "mean loss" in said
+    assert "Scan Context 20x60" in said
+    with (tmp_path / "out" / "case_study_methods.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert mean(rows, "Fast Histogram", "rotation", "97.5") < 0.01
+    assert mean(rows, "Fast Histogram", "unrelated", "") == pytest.approx(1.0, abs=1e-5)
+    assert mean(rows, "Scan Context 20x60", "translation", "20") > 0.1
+
+
 def test_the_drawn_pair_moves_as_it_was_told(scan_files, tmp_path, capsys):
     still = ("--rotation", 0, "--translation", 0)
     study(tmp_path / "out", "--format", "nclt", scan_files[0], *still)
@@ -105,6 +120,9 @@ def test_broken_scans_of_a_dataset_are_left_out_and_counted(tiny_nclt, tmp_path,
         (["{root}", "--session", "1999-01-01"], ["1999-01-01", "2031-02-04"]),
         (["{root}", "--format", "kitti"], ["NCLT"]),
         (["{root}", "--pairs", "0"], ["--pairs: 0"]),
+        (["{root}", "--methods", "rign"], ["--methods: 'rign'", "ring_plus_plus"]),
+        (["{root}", "--methods", "ssc"], ["--methods: ssc needs points with labels"]),
+        (["{root}", "--checkpoint", "no.ckpt"], ["no.ckpt"]),
         (["{root}", "--seed", "-1"], ["--seed: -1"]),
         (["{root}", "--translation", "71"], ["--translation: 71", "70"]),
         (["{root}", "--translation", "nan"], ["--translation: nan"]),

@@ -1,5 +1,7 @@
 """Every registered method at a size that describes a scan in milliseconds, untrained."""
 
+from dataclasses import replace
+
 import torch
 
 from deepring.methods.deepring import DeepRing
@@ -9,7 +11,9 @@ from deepring.methods.fast_histogram import FastHistogram
 from deepring.methods.lidar_iris import LidarIris
 from deepring.methods.locnet import LocNet, LocNetSettings
 from deepring.methods.locus import Locus, LocusSettings
+from deepring.methods.lpdnet import LpdNet, LpdNetSettings
 from deepring.methods.m2dp import M2dp
+from deepring.methods.overlapnet import OverlapNet, OverlapNetSettings
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.rinet import RINet, RINetSettings
 from deepring.methods.ring import Ring
@@ -24,8 +28,10 @@ from deepring.rasters import (
     HeightRaster,
     HistogramRaster,
     IrisRaster,
+    PointFeaturesRaster,
     PointsRaster,
     PolarContextRaster,
+    RangeNormalRaster,
     RingHistogramRaster,
     SegmentsRaster,
     SemanticPointsRaster,
@@ -42,7 +48,11 @@ HEIGHTS = HeightRaster(layers=2, sectors=24, rings=16)
 IRIS = IrisRaster(sectors=72, rings=20)
 POLAR_CONTEXT = PolarContextRaster(sectors=24, rings=8, least=1)
 POINTS = PointsRaster(count=64)
+POINT_FEATURES = PointFeaturesRaster(count=64, neighbours=(6, 10))
 CLASSES = SemanticPointsRaster(sectors=36, rings=10, count=300)
+RANGES = RangeNormalRaster(
+    sectors=64, rows=12, elevation=(-25, 30), viewpoint=1.8, normals="radial"
+)
 RINGS = RingHistogramRaster(rows=16, buckets=20)
 SEGMENTS = SegmentsRaster(
     max_segments=12, cells=(4, 4, 4), tolerance=2.0, least_points=10, most_points=3000
@@ -75,6 +85,15 @@ def pointnetvlad():
     return PointNetVlad(settings)
 
 
+def lpdnet():
+    torch.manual_seed(0)
+    settings = LpdNetSettings(
+        raster_settings(POINT_FEATURES), first=(8,), graph=(8,), spatial=(8,), second=(8, 16),
+        neighbours=4, transform_widths=(8,), transform_hidden=(8,), clusters=2, dimension=16,
+    )  # fmt: skip
+    return LpdNet(settings)
+
+
 def egonn():
     torch.manual_seed(0)
     return EgoNnGlobal(EgoNnSettings(raster_settings(VOXELS), widths=(4, 4), global_levels=(2,)))
@@ -97,6 +116,20 @@ def locus():
     return Locus(LocusSettings(raster_settings(SEGMENTS), **values)).eval()
 
 
+TINY_OVERLAPNET = OverlapNetSettings(
+    raster_settings(RANGES),
+    layers=((5, 5, 2, 2, 4), (4, 3, 1, 1, 6)),
+    circular=True,
+    block=8,
+    widths=(8, 8, 8),
+)
+
+
+def overlapnet(**changes):
+    torch.manual_seed(0)
+    return OverlapNet(replace(TINY_OVERLAPNET, **changes)).eval()
+
+
 TINY = {
     "deepring": deepring,
     "ring": lambda: Ring(BEV, angles=24, bins=24),
@@ -110,8 +143,10 @@ TINY = {
     "ssc": lambda: Ssc(CLASSES),
     "disco": disco,
     "pointnetvlad": pointnetvlad,
+    "lpdnet": lpdnet,
     "egonn": egonn,
     "locnet": locnet,
+    "overlapnet": overlapnet,
     "rinet": rinet,
     "locus": locus,
 }

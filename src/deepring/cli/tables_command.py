@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from deepring.checks import one_of
 from deepring.cli.console import console
 from deepring.cli.options import expect_folder
+from deepring.cli.written_tables import write_shown, write_text
 from deepring.evaluation.case import in_file_names
 from deepring.evaluation.matches import FOLDER, matches_in
 from deepring.evaluation.metrics import Over
 from deepring.experiment.runs import find_runs
-from deepring.io.files import replacing
 from deepring.paper.ablation import AblationTable, ablation_tables
 from deepring.paper.ablation_figures import ablation_figure
 from deepring.paper.ablation_results import by_place
@@ -26,7 +26,7 @@ from deepring.paper.paired_tables import number_table as paired_numbers
 from deepring.paper.paired_tables import pairs_of, retrieved_by_case, shown_pairs
 from deepring.paper.seed_groups import Run
 from deepring.reports.style import save
-from deepring.reports.table import Table, csv, latex, markdown, terminal
+from deepring.reports.table import csv, terminal
 
 
 def tables_command(args: argparse.Namespace) -> None:
@@ -55,8 +55,8 @@ def _show_ablation(tables: Sequence[AblationTable], folder: Path) -> None:
     texts = [shown_table(table) for table in tables]
     console.print(terminal(texts))
     for table, text in zip(tables, texts, strict=True):
-        _write_shown(table.name, text, folder)
-        _write(folder / f"{table.name}.csv", csv(number_table(table)))
+        write_shown(table.name, text, folder)
+        write_text(folder / f"{table.name}.csv", csv(number_table(table)))
         _save(ablation_figure(table), folder / f"{table.name}.png")
 
 
@@ -65,16 +65,16 @@ def _show_comparison(comparison: MethodComparison, runs: Sequence[Run], folder: 
     tables = shown_tables(comparison)
     console.print(terminal(list(tables.values())))
     for name, table in tables.items():
-        _write_shown(name, table, folder)
-    _write(folder / "comparison.csv", csv(comparison_numbers(comparison)))
+        write_shown(name, table, folder)
+    write_text(folder / "comparison.csv", csv(comparison_numbers(comparison)))
     retrieved = retrieved_by_case(
         (run.seed, of_case) for run in runs for of_case in matches_in(run.folder)
     )
     pairs = pairs_of(comparison, retrieved)
     if shown := shown_pairs(pairs, comparison):
         console.print(terminal([shown]))
-        _write_shown("paired", shown, folder)
-        _write(folder / "paired.csv", csv(paired_numbers(pairs)))
+        write_shown("paired", shown, folder)
+        write_text(folder / "paired.csv", csv(paired_numbers(pairs)))
     matches = ((seed, of_case) for (_, seed), of_case in retrieved.items())
     panels, lacking = curve_panels(comparison, matches)
     if panels:
@@ -85,21 +85,6 @@ def _show_comparison(comparison: MethodComparison, runs: Sequence[Run], folder: 
         console.print(f"no figure    no {FOLDER}/*.csv of Table I or II in the run folders")
 
 
-def _write_shown(name: str, table: Table, folder: Path) -> None:
-    _write(folder / f"{name}.md", markdown([table]))
-    _write(folder / f"{name}.tex", latex(table))
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a file, and print its path."""
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", errors="backslashreplace", newline="")
-    console.print(f"{_WHAT[path.suffix]:<12} {path}")
-
-
 def _save(figure: Figure, path: Path) -> None:
     save(figure, path)
     console.print(f"figure       {path}")
-
-
-_WHAT = {".md": "table", ".tex": "latex", ".csv": "numbers"}

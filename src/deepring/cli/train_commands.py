@@ -20,11 +20,11 @@ from deepring.cli.mistakes import INTERRUPTED, is_mistake, report_mistakes
 from deepring.cli.output_streams import open_streams
 from deepring.cli.overrides import checked, is_sweep, quoted, value_of
 from deepring.cli.process import tune_process
-from deepring.errors import ConfigError
+from deepring.evaluation.pose_errors import PoseErrors
 from deepring.evaluation.results import Result
+from deepring.experiment.compose import in_our_words
 from deepring.experiment.config import EvaluationSettings, check_config
 from deepring.experiment.config_groups import config_folder, register_configs
-from deepring.experiment.config_mistakes import config_mistake
 from deepring.experiment.run_folder import is_first_process, link_latest, open_run_folder
 from deepring.experiment.sweep_names import naming
 from deepring.experiment.sweep_outcomes import (
@@ -34,6 +34,7 @@ from deepring.experiment.sweep_outcomes import (
     run_sweep,
 )
 from deepring.progress import silence
+from deepring.reports.pose_errors_table import render_poses
 from deepring.reports.results_table import render, render_radii
 from deepring.text import printable
 
@@ -108,14 +109,8 @@ def _run_hydra(
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")
     register_configs()
     compose = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=name)
-    try:
-        with restartable(arguments):
-            compose(task)()
-    except Exception as error:
-        mistake = config_mistake(error, [text for text in arguments if not text.startswith("-")])
-        if mistake is None:
-            raise
-        raise ConfigError(mistake) from error
+    with in_our_words(arguments), restartable(arguments):
+        compose(task)()
 
 
 def _sweep_job(composed: DictConfig) -> float:
@@ -144,7 +139,7 @@ def _train(composed: DictConfig) -> None:
     _keep_log_short()
     outcome = train(cfg, run_folder(cfg.paths.run))
     if outcome.results:
-        show(cfg.evaluation, outcome.results)
+        show(cfg.evaluation, outcome.results, outcome.poses)
     if is_first_process():
         if outcome.checkpoint is not None:
             console.print(f"checkpoint   {outcome.checkpoint}")
@@ -155,14 +150,16 @@ def _train(composed: DictConfig) -> None:
 def _evaluate(composed: DictConfig) -> None:
     from deepring.experiment.evaluate import evaluate
     from deepring.experiment.plan import plan_evaluation
+    from deepring.experiment.start import expect_no_start
     from deepring.experiment.status import Status, write_status
 
     cfg = check_config(composed)
+    expect_no_start(cfg)
     folder = run_folder(cfg.paths.run)
     checkpoint = None if cfg.checkpoint is None else Path(cfg.checkpoint)
     plan = plan_evaluation(cfg, checkpoint)
     open_run_folder(plan.record, folder)
-    show(plan.evaluation, evaluate(plan, folder))
+    show(plan.evaluation, *evaluate(plan, folder))
     write_status(folder, Status("finished"))
     link_latest(folder)
     show_folder(folder)
@@ -193,12 +190,14 @@ def _from_here(folder: Path) -> Path:
     return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
 
 
-def show(evaluation: EvaluationSettings, results: list[Result]) -> None:
-    """Print the headline table and, below it, Recall@1 by radius."""
+def show(evaluation: EvaluationSettings, results: list[Result], poses: list[PoseErrors]) -> None:
+    """Print the headline table and, below it, Recall@1 by radius and errors of relative poses."""
     over = evaluation.counted_over
     console.print(render(results, evaluation.radii[0], over))
     if len(evaluation.radii) > 1:
         console.print(render_radii(results, over))
+    if poses:
+        console.print(render_poses(poses))
 
 
 def show_folder(folder: Path) -> None:
