@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Integer, UInt8
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -123,12 +123,14 @@ class SegmentsRaster(Raster, kind="segments"):
         starts = np.cumsum(counts) - counts
         return [points[order[starts[k] : starts[k] + counts[k]]] for k in largest]
 
-    def segments(self, rasters: UInt8[Tensor, "b s byte"]) -> Segments:
+    def segments(self, rasters: Integer[Tensor, "b s byte"]) -> Segments:
         """What rasters (b, max_segments, bytes) hold.
 
         Raises DataError where they are not those of this kind.
         """
         rows = rasters.to(torch.uint8)
+        if rasters.dtype != torch.uint8 and not torch.equal(rows.to(rasters.dtype), rasters):
+            raise DataError("rasters: numbers beyond 0 to 255, expected bytes")
         sizes = [self._bits, _CENTRE, _EXTENTS, _FLOAT.itemsize * self.max_segments]
         bits, *numbers = torch.split(rows, sizes, dim=-1)
         centres, extents, distances = (part.contiguous().view(torch.float32) for part in numbers)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from jaxtyping import Bool, Float, Shaped, UInt8
+from jaxtyping import Bool, Float, Integer, Shaped
 from torch import Tensor
 
 from deepring import checks
@@ -61,7 +61,7 @@ class Locus(NetworkMethod):
             settings.dropout,
         )
 
-    def forward(self, rasters: UInt8[Tensor, "batch s byte"]) -> Float[Tensor, "batch value"]:
+    def forward(self, rasters: Integer[Tensor, "batch s byte"]) -> Float[Tensor, "batch value"]:
         """Descriptors (b, feature²) float32 of segments (b, max_segments, bytes).
 
         Raises DataError for rasters that no `SegmentsRaster` makes.
@@ -71,7 +71,7 @@ class Locus(NetworkMethod):
         pooled = pooled_neighbours(features, segments.distances, self.settings.neighbours)
         return self.descriptors(segments.present, features, pooled)
 
-    def segments(self, rasters: UInt8[Tensor, "batch s byte"]) -> Segments:
+    def segments(self, rasters: Integer[Tensor, "batch s byte"]) -> Segments:
         """What rasters hold."""
         assert isinstance(self.raster, SegmentsRaster)
         return self.raster.segments(rasters)
