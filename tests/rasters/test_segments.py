@@ -44,7 +44,7 @@ def blobs(seed, number=6, points=60, width=0.2, reach=40.0):
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
-@given(st.sampled_from([0.0, 0.02, 0.2]), st.integers(0, 99))
+@given(st.sampled_from([0.0, 0.02, 0.2, 1.5]), st.integers(0, 99))
 def test_clusters_are_those_of_all_pairs_where_cells_hold_one_point(growth, seed):
     rng = np.random.default_rng(seed)
     points = rng.uniform(-30, 30, (150, 3))
@@ -189,7 +189,7 @@ def test_settings_that_make_no_raster_are_refused():
     for values, name in (
         ({"cells": (32, 32)}, "raster.cells"),
         ({"cells": (32, 30, 16)}, "raster.cells"),
-        ({"growth": 0.6}, "raster.growth"),
+        ({"growth": 10.5}, "raster.growth"),
         ({"tolerance": 0.0}, "raster.tolerance"),
         ({"least_points": 50, "most_points": 40}, "raster.most_points"),
     ):

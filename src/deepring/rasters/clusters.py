@@ -39,7 +39,7 @@ def euclidean_clusters(
 
     exact = points.astype(np.float64)
     cell_of, means = _thinned(exact, tolerance, growth)
-    links = _links(means, _tolerances(means, tolerance, growth), tolerance)
+    links = _links(means, _tolerances(means, tolerance, growth), tolerance, growth)
     graph = coo_array((np.ones(len(links), np.bool_), tuple(links.T)), shape=(len(means),) * 2)
     cluster = connected_components(graph, directed=False)[1][cell_of]
     _, first = np.unique(cluster, return_index=True)
@@ -74,7 +74,7 @@ def _thinned(
 
 
 def _links(
-    points: NDArray[np.float64], tolerances: NDArray[np.float64], least: float
+    points: NDArray[np.float64], tolerances: NDArray[np.float64], least: float, growth: float
 ) -> NDArray[np.int64]:
     """Pairs of points (k, 2) that are within the smaller of their tolerances.
 
@@ -90,8 +90,8 @@ def _links(
     low = least
     while low <= largest:
         high = low * _BAND
-        # A tolerance changes by less than the points are apart as long as growth is below 1.
-        start, stop = np.searchsorted(ordered, [low, 2 * high])
+        # From one point to another the tolerance changes by at most growth times their distance.
+        start, stop = np.searchsorted(ordered, [low, (1 + growth) * high])
         some = order[start:stop]
         if len(some) > 1:
             near = some[KDTree(points[some]).query_pairs(min(high, largest), output_type="ndarray")]

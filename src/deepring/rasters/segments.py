@@ -80,7 +80,7 @@ class SegmentsRaster(Raster, kind="segments"):
             )
         object.__setattr__(self, "cells", cells)
         self.check_lengths("smallest_voxel", "tolerance")
-        checks.between("raster.growth", self.growth, 0, 0.5, "metres for each metre of range")
+        checks.between("raster.growth", self.growth, 0, 10, "metres for each metre of range")
         checks.count("raster.least_points", self.least_points)
         checks.count("raster.most_points", self.most_points, self.least_points)
 
