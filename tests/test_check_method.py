@@ -40,6 +40,7 @@ TURNLESS = (
     "lpdnet",
     "lcdnet",
     "dh3d",
+    "locus",
 )
 WITHOUT_TURN = {"turn": "compare returns no turn"}
 

@@ -208,6 +208,8 @@ def changed_values(value):
         return [replace(value, **{name: v}) for name, vs in changes.items() for v in vs]
     if value is None:
         return [0.25]
+    if isinstance(value, tuple) and len(value) > 2 and all(isinstance(n, int) for n in value):
+        return [(*value[:-1], 2 * value[-1])]
     if isinstance(value, tuple) and len(value) != 2:
         return [(*value, 0.5)]
     if isinstance(value, tuple):

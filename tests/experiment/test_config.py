@@ -189,6 +189,8 @@ BESIDE = {
     "loss=soft_match": ["sampling=pairs"],
     "loss=overlap_and_turn": ["sampling=overlaps", "method=overlapnet"],
     "sampling=overlaps": ["loss=overlap_and_turn", "method=overlapnet"],
+    "sampling=segments": ["loss=segment_identity"],
+    "loss=segment_identity": ["sampling=segments"],
     "loss=batch_hard": ["sampling=batch_hard"],
     "loss=batch_softmax": ["sampling=batch_hard"],
     "loss=batch_softmax_with_turn": ["sampling=batch_hard"],

@@ -66,4 +66,9 @@ TINY_METHODS = {
         *("method.raster.sectors=36", "method.widths=[2,2]", "method.steps=[3]"),
         *("sampling.pairs=4", "sampling.per_epoch=2"),
     ),
+    "locus": (
+        *("method.raster.cells=[4,4,4]", "method.raster.growth=0.02", "method.channels=[2,2,2]"),
+        *("method.raster.least_points=20", "method.hidden=8", "method.feature=8"),
+        *("loss.cells=[4,4,4]", "loss.feature=8", "sampling.size=4", "sampling.per_epoch=2"),
+    ),
 }

@@ -12,6 +12,7 @@ from deepring.methods.fast_histogram import FastHistogram
 from deepring.methods.lcdnet import LcdNet, LcdNetSettings
 from deepring.methods.lidar_iris import LidarIris
 from deepring.methods.locnet import LocNet, LocNetSettings
+from deepring.methods.locus import Locus, LocusSettings
 from deepring.methods.lpdnet import LpdNet, LpdNetSettings
 from deepring.methods.m2dp import M2dp
 from deepring.methods.overlapnet import OverlapNet, OverlapNetSettings
@@ -35,6 +36,7 @@ from deepring.rasters import (
     Preprocessing,
     RangeNormalRaster,
     RingHistogramRaster,
+    SegmentsRaster,
     SemanticPointsRaster,
     SemanticRangesRaster,
     VoxelMeansRaster,
@@ -57,6 +59,9 @@ RANGES = RangeNormalRaster(
 )
 RINGS = RingHistogramRaster(rows=16, buckets=20)
 MEANS = VoxelMeansRaster(200, 24, 2.0, 48.0, Preprocessing(height=(-28.0, 20.0), clearance=None))
+SEGMENTS = SegmentsRaster(
+    max_segments=12, cells=(4, 4, 4), tolerance=2.0, least_points=10, most_points=3000
+)
 VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
 
 
@@ -116,6 +121,12 @@ def rinet():
     return RINet(RINetSettings(raster, widths=(4, 8), steps=(3,), hidden=8))
 
 
+def locus():
+    torch.manual_seed(0)
+    values = {"channels": (2, 2, 2), "hidden": 8, "feature": 8, "least_segments": 2}
+    return Locus(LocusSettings(raster_settings(SEGMENTS), **values)).eval()
+
+
 TINY_OVERLAPNET = OverlapNetSettings(
     raster_settings(RANGES),
     layers=((5, 5, 2, 2, 4), (4, 3, 1, 1, 6)),
@@ -157,4 +168,5 @@ TINY = {
     "rinet": rinet,
     "lcdnet": lcdnet,
     "dh3d": dh3d,
+    "locus": locus,
 }

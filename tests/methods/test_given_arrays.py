@@ -79,6 +79,8 @@ def small(name):
             return LocNet(LocNetSettings(raster, channels=(2, 2), dimension=4))
         case "lpdnet":
             return TINY["lpdnet"]()
+        case "locus":
+            return TINY["locus"]()
         case "rinet":
             raster = raster_settings(HeightRangesRaster(sectors=12, bands=4))
             return RINet(RINetSettings(raster, widths=(2, 4), steps=(3,), hidden=4))
@@ -105,7 +107,7 @@ def small(name):
 
 METHODS = (
     *("deepring", "deepring l2", "ring", "ring published", "ring++", "scan context", "disco"),
-    *("pointnetvlad", "egonn", "locnet", "rinet"),
+    *("pointnetvlad", "egonn", "locnet", "rinet", "locus"),
     "lpdnet",
     "overlapnet",
     "lcdnet",

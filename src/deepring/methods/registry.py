@@ -29,6 +29,7 @@ _METHODS: dict[str, str | type] = {
     "rinet": "deepring.methods.rinet.RINet",
     "lcdnet": "deepring.methods.lcdnet.LcdNet",
     "dh3d": "deepring.methods.dh3d.Dh3d",
+    "locus": "deepring.methods.locus.Locus",
 }
 """Classes, or their dotted paths, which are imported when they are asked for."""
 

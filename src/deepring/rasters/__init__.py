@@ -18,6 +18,7 @@ from deepring.rasters.preprocessing import Preprocessing
 from deepring.rasters.range_image import RangeRaster
 from deepring.rasters.range_normals import RangeNormalRaster
 from deepring.rasters.ring_histogram import RingHistogramRaster
+from deepring.rasters.segments import SegmentsRaster
 from deepring.rasters.semantic import SemanticRaster
 from deepring.rasters.semantic_points import SemanticPointsRaster
 from deepring.rasters.voxel_means import IntensityMeansRaster, VoxelMeansRaster
@@ -44,6 +45,7 @@ __all__ = [
     "RangeRaster",
     "Raster",
     "RingHistogramRaster",
+    "SegmentsRaster",
     "SemanticPointsRaster",
     "SemanticRangesRaster",
     "SemanticRaster",

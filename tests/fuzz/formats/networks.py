@@ -40,6 +40,7 @@ _METHODS = (
     "overlapnet",
     "lcdnet",
     "dh3d",
+    "locus",
 )
 _SCAN = np.array(scene(1), np.float32)
 
