@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.core.rigid import planar_pose
 from deepring.data.packed_rasters import Rasters
 from deepring.data.scan_set import ScanSet
 from deepring.errors import ConfigError
@@ -39,6 +40,14 @@ class TrainingScans:
     def points(self) -> NDArray[np.float64]:
         """(n, 3) metres, see `set_apart`."""
         return set_apart(self.positions, self.dataset)
+
+    def level_pose(self, first: int, second: int) -> NDArray[np.float64]:
+        """The level transform (4, 4) that carries the second scan's points onto the first's."""
+        poses = []
+        for scan in (first, second):
+            x, y = self.positions[scan]
+            poses.append(planar_pose(x, y, self.headings[scan]))
+        return np.asarray(np.linalg.inv(poses[0]) @ poses[1])
 
     @classmethod
     def from_session(
