@@ -5,7 +5,7 @@ from functools import partial
 from typing import NamedTuple
 
 from deepring import __version__
-from deepring.cli import dataset_options, place_options, run_options
+from deepring.cli import dataset_options, help_options, place_options, run_options
 from deepring.cli.parser import HydraParser, MixedParser, Parser, subcommands
 
 
@@ -118,6 +118,12 @@ COMMANDS = {
         dataset_options.add_data,
         "check a dataset before using it",
         "Check a dataset before using it.",
+    ),
+    "doctor": _Command(
+        help_options.add_doctor,
+        "say what is installed, what fails, and what is slow",
+        "Print versions, threads, GPU, folders, and measured times, to paste into a bug report. "
+        "Exits with 1 if something makes commands fail.",
     ),
 }
 

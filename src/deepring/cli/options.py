@@ -4,6 +4,7 @@ import argparse
 import errno
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -80,6 +81,17 @@ def add_metres(parser: Parser, flag: str, default: float, help: str) -> None:
         default=default,
         metavar="M",
         help=f"{help} (%(default)g)",
+    )
+
+
+def add_form(parser: Parser, text: str = "table", further: Sequence[str] = ()) -> None:
+    """``--as``: ``text``, the name of what a person reads, or JSON, or one of the further forms."""
+    parser.add_argument(
+        "--as",
+        dest="form",
+        choices=(text, "json", *further),
+        default=text,
+        help="output format: %(choices)s (%(default)s)",
     )
 
 

@@ -20,6 +20,7 @@ from deepring.cli.mistakes import INTERRUPTED, is_mistake, report_mistakes
 from deepring.cli.output_streams import open_streams
 from deepring.cli.overrides import checked, is_sweep, quoted, value_of
 from deepring.cli.process import tune_process
+from deepring.evaluation.pose_errors import PoseErrors
 from deepring.evaluation.results import Result
 from deepring.experiment.compose import in_our_words
 from deepring.experiment.config import EvaluationSettings, check_config
@@ -33,6 +34,7 @@ from deepring.experiment.sweep_outcomes import (
     run_sweep,
 )
 from deepring.progress import silence
+from deepring.reports.pose_errors_table import render_poses
 from deepring.reports.results_table import render, render_radii
 from deepring.text import printable
 
@@ -137,7 +139,7 @@ def _train(composed: DictConfig) -> None:
     _keep_log_short()
     outcome = train(cfg, run_folder(cfg.paths.run))
     if outcome.results:
-        show(cfg.evaluation, outcome.results)
+        show(cfg.evaluation, outcome.results, outcome.poses)
     if is_first_process():
         if outcome.checkpoint is not None:
             console.print(f"checkpoint   {outcome.checkpoint}")
@@ -155,7 +157,7 @@ def _evaluate(composed: DictConfig) -> None:
     checkpoint = None if cfg.checkpoint is None else Path(cfg.checkpoint)
     plan = plan_evaluation(cfg, checkpoint)
     open_run_folder(plan.record, folder)
-    show(plan.evaluation, evaluate(plan, folder))
+    show(plan.evaluation, *evaluate(plan, folder))
     write_status(folder, Status("finished"))
     link_latest(folder)
     show_folder(folder)
@@ -186,12 +188,14 @@ def _from_here(folder: Path) -> Path:
     return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
 
 
-def show(evaluation: EvaluationSettings, results: list[Result]) -> None:
-    """Print the headline table and, below it, Recall@1 by radius."""
+def show(evaluation: EvaluationSettings, results: list[Result], poses: list[PoseErrors]) -> None:
+    """Print the headline table and, below it, Recall@1 by radius and errors of relative poses."""
     over = evaluation.counted_over
     console.print(render(results, evaluation.radii[0], over))
     if len(evaluation.radii) > 1:
         console.print(render_radii(results, over))
+    if poses:
+        console.print(render_poses(poses))
 
 
 def show_folder(folder: Path) -> None:

@@ -32,6 +32,8 @@ class EvaluationSettings:
     figures: bool = True
     #: Save the descriptors, so that they can be scored again without scans or network.
     descriptors: bool = False
+    #: Tell how far off the relative poses of the best places are, by methods that give them.
+    relative_poses: bool = True
     #: Further rows of each method with its best candidates aligned: 'pose' orders them by their
     #: distance from the query, 'locate' also uses the poses of the map. [] aligns none.
     rerank: list[str] = field(default_factory=lambda: ["pose"])

@@ -14,10 +14,11 @@ from deepring.data.dataset import PlaceDataset, RetrievalSet
 from deepring.data.session import Session
 from deepring.errors import ConfigError, StoppedError
 from deepring.evaluation.case import shortened
+from deepring.evaluation.pose_errors import PoseErrors
 from deepring.evaluation.results import Result
 from deepring.experiment import build
 from deepring.experiment.config import Config
-from deepring.experiment.evaluate import evaluate
+from deepring.experiment.evaluate import Evaluation, evaluate
 from deepring.experiment.plan import distance_to_training, plan_evaluation
 from deepring.experiment.record import record_of
 from deepring.experiment.run_folder import (
@@ -45,6 +46,8 @@ class TrainingOutcome:
     """None if the method learns nothing."""
     results: list[Result]
     """Empty with ``evaluate=false``."""
+    poses: list[PoseErrors]
+    """Errors of relative poses, of the methods that tell these."""
     score: float | None
     """Validation Recall@1 of the checkpoint; None without validation."""
 
@@ -85,13 +88,13 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
         )
         _fit(trainer, module, datamodule, cfg.resume, folder)
         checkpoint, score = _best_checkpoint(trainer, folder)
-        results = []
+        found = Evaluation([], [])
         if cfg.evaluate and trainer.is_global_zero:
-            results = evaluate(plan_evaluation(cfg, checkpoint, datasets), folder)
+            found = evaluate(plan_evaluation(cfg, checkpoint, datasets), folder)
         if trainer.is_global_zero:
             seconds = timer.time_elapsed("train")
             write_status(folder, Status("finished", score=score, seconds=seconds))
-    return TrainingOutcome(folder, checkpoint, results, score)
+    return TrainingOutcome(folder, checkpoint, *found, score)
 
 
 @contextmanager
@@ -111,11 +114,11 @@ def _evaluate_alone(cfg: Config, folder: Path, *, latest: bool) -> TrainingOutco
     plan = plan_evaluation(cfg)
     log.info("%s learns nothing: it is evaluated", next(iter(plan.fixed)))
     with _run_of(cfg, folder):
-        results = evaluate(plan, folder)
+        found = evaluate(plan, folder)
         write_status(folder, Status("finished"))
     if latest:
         link_latest(folder)
-    return TrainingOutcome(folder, None, results, None)
+    return TrainingOutcome(folder, None, *found, None)
 
 
 def _fit(

@@ -1,0 +1,22 @@
+"""Options of the commands about deepring itself: doctor."""
+
+from pathlib import Path
+
+from deepring.cli.options import add_form
+from deepring.cli.parser import Parser
+
+
+def add_doctor(parser: Parser) -> None:
+    """``deepring doctor [--full]``."""
+    parser.add_argument(
+        "--full", action="store_true", help="with the home folder and the user's name in paths"
+    )
+    parser.add_argument(
+        "--cache",
+        type=Path,
+        default=Path("outputs/cache"),
+        metavar="FOLDER",
+        help="the raster cache, paths.cache of trainings (%(default)s)",
+    )
+    add_form(parser, "text")
+    parser.runs("deepring.cli.doctor_command:doctor_command")
