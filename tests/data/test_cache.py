@@ -211,7 +211,7 @@ def changed_values(value):
     if isinstance(value, bool):
         return [not value]
     if isinstance(value, str):
-        return [{"nearest": "last", "range": "difference"}[value]]
+        return [{"nearest": "last", "range": "difference", "sensor": "radial"}[value]]
     return [value + (3 if value == 1 else 2)]  # some are 1 or 4, and a window is odd
 
 
@@ -223,7 +223,7 @@ def changed_rasters():
             base = replace(base, least=1)
         if kind == "height_ranges":  # of whatever height the few points are
             base = replace(base, height=(-50.0, 50.0))
-        if kind == "ring_histogram":
+        if kind in ("ring_histogram", "range_normals"):
             base = replace(base, elevation=(-80.0, 80.0))
         for field in fields(base):
             for k, value in enumerate(changed_values(getattr(base, field.name))):

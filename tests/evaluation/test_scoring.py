@@ -65,7 +65,7 @@ def exported(tmp_path_factory):
 
 
 #: Methods whose comparison has weights of its own.
-BY_WEIGHTS = ("rinet",)
+BY_WEIGHTS = ("rinet", "overlapnet")
 
 
 def assert_same(ours, theirs):

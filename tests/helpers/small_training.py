@@ -23,6 +23,12 @@ TINY_METHODS = {
         *("sampling.negatives=2", "sampling.hard=1", "sampling.hard_from=0"),
         *("sampling.negative_radius=20", "sampling.per_epoch=2"),
     ),
+    "lpdnet": (
+        *("method.raster.count=64", "method.raster.neighbours=[6,10]", "method.neighbours=4"),
+        *("method.second=[8,8]", "method.clusters=2", "method.transform_widths=[8]"),
+        *("sampling.negatives=2", "sampling.hard=1", "sampling.hard_from=0"),
+        *("sampling.negative_radius=20", "sampling.per_epoch=2"),
+    ),
     "disco": (
         *("method.widths=[2,2]", "sampling.positive_radius=10", "sampling.negative_radius=20"),
         *("sampling.negatives=2", "sampling.hard=1", "sampling.hard_from=0"),
@@ -38,6 +44,11 @@ TINY_METHODS = {
         *("method.raster.rows=16", "method.raster.buckets=20", "method.channels=[2,2]"),
         *("sampling.pairs=4", "sampling.per_epoch=2"),
         *("sampling.positive_radius=10", "sampling.negative_radius=20"),
+    ),
+    "overlapnet": (
+        *("method.raster.sectors=64", "method.raster.rows=12", "method.raster.viewpoint=1.8"),
+        *("method.layers=[[5,5,2,2,4],[4,3,1,1,4]]", "method.widths=[2,2,2]", "method.block=6"),
+        *("sampling.pairs=4", "sampling.per_epoch=2"),
     ),
     "rinet": (
         *("method.raster.sectors=36", "method.widths=[2,2]", "method.steps=[3]"),

@@ -1,5 +1,7 @@
 """Every registered method at a size that describes a scan in milliseconds, untrained."""
 
+from dataclasses import replace
+
 import torch
 
 from deepring.methods.deepring import DeepRing
@@ -8,7 +10,9 @@ from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
 from deepring.methods.fast_histogram import FastHistogram
 from deepring.methods.lidar_iris import LidarIris
 from deepring.methods.locnet import LocNet, LocNetSettings
+from deepring.methods.lpdnet import LpdNet, LpdNetSettings
 from deepring.methods.m2dp import M2dp
+from deepring.methods.overlapnet import OverlapNet, OverlapNetSettings
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.rinet import RINet, RINetSettings
 from deepring.methods.ring import Ring
@@ -23,8 +27,10 @@ from deepring.rasters import (
     HeightRaster,
     HistogramRaster,
     IrisRaster,
+    PointFeaturesRaster,
     PointsRaster,
     PolarContextRaster,
+    RangeNormalRaster,
     RingHistogramRaster,
     SemanticPointsRaster,
     SemanticRangesRaster,
@@ -40,7 +46,11 @@ HEIGHTS = HeightRaster(layers=2, sectors=24, rings=16)
 IRIS = IrisRaster(sectors=72, rings=20)
 POLAR_CONTEXT = PolarContextRaster(sectors=24, rings=8, least=1)
 POINTS = PointsRaster(count=64)
+POINT_FEATURES = PointFeaturesRaster(count=64, neighbours=(6, 10))
 CLASSES = SemanticPointsRaster(sectors=36, rings=10, count=300)
+RANGES = RangeNormalRaster(
+    sectors=64, rows=12, elevation=(-25, 30), viewpoint=1.8, normals="radial"
+)
 RINGS = RingHistogramRaster(rows=16, buckets=20)
 VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
 
@@ -70,6 +80,15 @@ def pointnetvlad():
     return PointNetVlad(settings)
 
 
+def lpdnet():
+    torch.manual_seed(0)
+    settings = LpdNetSettings(
+        raster_settings(POINT_FEATURES), first=(8,), graph=(8,), spatial=(8,), second=(8, 16),
+        neighbours=4, transform_widths=(8,), transform_hidden=(8,), clusters=2, dimension=16,
+    )  # fmt: skip
+    return LpdNet(settings)
+
+
 def egonn():
     torch.manual_seed(0)
     return EgoNnGlobal(EgoNnSettings(raster_settings(VOXELS), widths=(4, 4), global_levels=(2,)))
@@ -86,6 +105,20 @@ def rinet():
     return RINet(RINetSettings(raster, widths=(4, 8), steps=(3,), hidden=8))
 
 
+TINY_OVERLAPNET = OverlapNetSettings(
+    raster_settings(RANGES),
+    layers=((5, 5, 2, 2, 4), (4, 3, 1, 1, 6)),
+    circular=True,
+    block=8,
+    widths=(8, 8, 8),
+)
+
+
+def overlapnet(**changes):
+    torch.manual_seed(0)
+    return OverlapNet(replace(TINY_OVERLAPNET, **changes)).eval()
+
+
 TINY = {
     "deepring": deepring,
     "ring": lambda: Ring(BEV, angles=24, bins=24),
@@ -99,7 +132,9 @@ TINY = {
     "ssc": lambda: Ssc(CLASSES),
     "disco": disco,
     "pointnetvlad": pointnetvlad,
+    "lpdnet": lpdnet,
     "egonn": egonn,
     "locnet": locnet,
+    "overlapnet": overlapnet,
     "rinet": rinet,
 }
