@@ -106,7 +106,7 @@ def test_a_config_node_has_a_row_for_each_value_and_for_what_its_class_adds():
     described = {name: parameters(Settings)[name] for name in ("width", "depth")}
     rows = rows_of("method", node, described, {"method.inner.a": "of a | b"})
     assert rows == [
-        ["`method._target_`", "`x`", "`str`", ""],
+        ["`method._target_`", "`x`", "`str`", "the class"],
         ["`method.width`", "`4`", "`int`", "of the first layer, in channels."],
         ["`method.inner.a`", "`[1, 2]`", "`list`", "of a \\| b"],
         ["`method.depth`", "`null`", "`int | None`".replace("|", "\\|"), "of the network"],

@@ -5,6 +5,8 @@ import io
 import re
 import runpy
 import shlex
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -80,22 +82,39 @@ def commands_in(text: str) -> list[tuple[str, str]]:
 def run_command(command: str, folder: Path, where: str) -> str:
     """What a command of a tutorial prints; it has to succeed."""
     command, _, file = command.partition(" > ")
-    command = command.partition("  #")[0]
-    match shlex.split(command):
-        case ["deepring", *arguments]:
-            done = deepring(*arguments, cwd=folder)
-            assert done.returncode == 0, f"{where}: {command}\n{done.stdout}{done.stderr}"
-            output = done.stdout
-        case ["python", script]:
-            with contextlib.chdir(folder):
-                output = _printed_by(Path(script))
-        case ["pip", "install", *_]:  # held against pyproject.toml by a test
-            output = ""
-        case _:
-            raise AssertionError(f"{where}: {command}: expected deepring, python FILE, or pip")
+    words = shlex.split(command)
+    with _on_path(folder, words):
+        match words:
+            case ["deepring", *arguments]:
+                done = deepring(*arguments, cwd=folder)
+                assert done.returncode == 0, f"{where}: {command}\n{done.stdout}{done.stderr}"
+                output = done.stdout
+            case ["python", script]:
+                with contextlib.chdir(folder):
+                    output = _printed_by(Path(script))
+            case ["pip", "install", *_]:  # held against pyproject.toml by a test
+                output = ""
+            case _:
+                raise AssertionError(f"{where}: {command}: expected deepring, python FILE, or pip")
     if file:
         (folder / file).write_text(output, encoding="utf-8")
     return "" if file else output
+
+
+@contextlib.contextmanager
+def _on_path(folder: Path, words: list[str]) -> Iterator[None]:
+    """Take PYTHONPATH=. from the words of a command, and let it import from the folder."""
+    path = list(sys.path)
+    if words[0] == "PYTHONPATH=.":
+        words.pop(0)
+        sys.path.insert(0, str(folder))
+    try:
+        yield
+    finally:
+        sys.path[:] = path
+        for name, module in list(sys.modules.items()):
+            if Path(getattr(module, "__file__", None) or "/").is_relative_to(folder):
+                del sys.modules[name]
 
 
 def expect_output(shown: str, printed: str, where: str) -> None:
