@@ -29,7 +29,19 @@ from deepring.search.hits import Hits
 from deepring.testing import MethodError, check_method, rasterize, walls
 from helpers.tiny_methods import BEV, CONTEXT, TINY, deepring, disco
 
-TURNLESS = ("pointnetvlad", "egonn", "fast_histogram", "m2dp", "cart_context", "locnet", "rinet")
+TURNLESS = (
+    "pointnetvlad",
+    "egonn",
+    "fast_histogram",
+    "m2dp",
+    "cart_context",
+    "locnet",
+    "rinet",
+    "lpdnet",
+    "lcdnet",
+    "dh3d",
+    "locus",
+)
 WITHOUT_TURN = {"turn": "compare returns no turn"}
 
 
@@ -224,11 +236,19 @@ def test_a_network_of_a_user_passes():
 WRONG = {
     "whole numbers": (
         wrong(describe=with_describe(lambda d: d.long())),
-        r"shapes: describe returns torch\.int64, expected a floating",
+        r"shapes: describe returns torch\.int64, expected a Tensor of torch\.float32",
+    ),
+    "twice the precision": (
+        wrong(describe=with_describe(lambda d: d.double())),
+        r"shapes: describe returns torch\.float64, .*, which is all that files of descriptors hold",
+    ),
+    "half the precision": (
+        wrong(describe=with_describe(lambda d: d.half())),
+        r"shapes: describe returns torch\.float16, expected a Tensor of torch\.float32",
     ),
     "no tensor": (
         wrong(describe=with_describe(lambda d: d.numpy())),
-        "shapes: describe returns ndarray, expected a floating",
+        "shapes: describe returns ndarray, expected a Tensor",
     ),
     "one descriptor for all": (
         wrong(describe=with_describe(lambda d: d.mean(dim=0, keepdim=True))),
@@ -282,6 +302,16 @@ WRONG = {
     "all scans alike": (
         wrong(describe=with_describe(torch.ones_like)),
         "self-similarity: a scan scores .* with all 8 scans",
+    ),
+    "one pose for all places": (
+        wrong(relative_poses=lambda *_: torch.eye(4, dtype=torch.float64)[None]),
+        r"relative poses: torch\.float64 \(1, 4, 4\) for 2 places, expected float64 \(2, 4, 4\)",
+    ),
+    "poses that stretch": (
+        wrong(
+            relative_poses=lambda _, __, places: 2 * torch.eye(4).double().repeat(len(places), 1, 1)
+        ),
+        r"relative poses: \[\[\[2\.0.* expected rigid transforms, or NaN throughout",
     ),
     "the opposite turn": (
         wrong(compare=with_compare(lambda score, turn: (score, -turn))),
@@ -346,5 +376,13 @@ def test_half_a_turn_more_is_none_for_a_method_that_says_so():
 
 def test_every_property_is_failed_by_a_method():
     failed = {message.partition(":")[0] for _, message in WRONG.values()}
-    properties = ["shapes", "determinism", "empty batch", "self-similarity", "turn", "index"]
+    properties = [
+        "shapes",
+        "determinism",
+        "empty batch",
+        "self-similarity",
+        "turn",
+        "index",
+        "relative poses",
+    ]
     assert failed == {*properties, "file"}

@@ -159,7 +159,7 @@ def test_what_is_written_is_told(there):
 
 def test_a_case_study_prints_its_errors(tiny_nclt, there):
     study = there("case_study", "case-study", tiny_nclt, "--pairs", 1)
-    assert {row["representation"] for row in study["errors"]} == {"SG", "PG"}
+    assert {row["representation"] for row in study["errors"]} == {"SG", "PG", "RI"}
     assert study["pairs"] == 1
 
 

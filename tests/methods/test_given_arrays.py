@@ -36,6 +36,7 @@ from deepring.rasters import (
 )
 from deepring.testing import walls
 from helpers.networks import deepring_settings
+from helpers.tiny_methods import TINY
 
 BEV = BevRaster(cells=16)
 
@@ -76,9 +77,17 @@ def small(name):
         case "locnet":
             raster = raster_settings(RingHistogramRaster(rows=16, buckets=16))
             return LocNet(LocNetSettings(raster, channels=(2, 2), dimension=4))
+        case "lpdnet":
+            return TINY["lpdnet"]()
+        case "locus":
+            return TINY["locus"]()
         case "rinet":
             raster = raster_settings(HeightRangesRaster(sectors=12, bands=4))
             return RINet(RINetSettings(raster, widths=(2, 4), steps=(3,), hidden=4))
+        case "lcdnet":
+            return TINY["lcdnet"]()
+        case "overlapnet":
+            return TINY["overlapnet"]()
         case "pointnetvlad":
             raster = raster_settings(PointsRaster(count=32))
             return PointNetVlad(
@@ -98,7 +107,10 @@ def small(name):
 
 METHODS = (
     *("deepring", "deepring l2", "ring", "ring published", "ring++", "scan context", "disco"),
-    *("pointnetvlad", "egonn", "locnet", "rinet"),
+    *("pointnetvlad", "egonn", "locnet", "rinet", "locus"),
+    "lpdnet",
+    "overlapnet",
+    "lcdnet",
     *("fast histogram", "m2dp", "lidar iris", "polar context", "cart context"),
 )
 

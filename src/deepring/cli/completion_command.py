@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, cast
 
 import shtab
 
@@ -45,7 +46,7 @@ def completion_command(args: argparse.Namespace) -> None:
         _name_files(leaf)
     words = " ".join(_overrides())
     preamble = {shell: text.replace("@OVERRIDES@", words) for shell, text in _PREAMBLE.items()}
-    print(shtab.complete(parser, args.shell, preamble=preamble))
+    print(shtab.complete(parser, args.shell, preamble=cast("Any", preamble)))  # a str by its hint
 
 
 def _overrides() -> Iterator[str]:

@@ -64,12 +64,12 @@ def add_compare(parser: Parser) -> None:
     parser.add_argument(
         "--learned",
         metavar="METHODS",
-        help="learned methods of conf/method; the four CPU-sized ones by default",
+        help="learned methods of conf/method, or all of them in their CPU sizes; four by default",
     )
     parser.add_argument(
         "--fixed",
         metavar="METHODS",
-        help="methods that learn nothing; RING, RING++ and both Scan Contexts by default",
+        help="methods that learn nothing, or all; RING, RING++ and both Scan Contexts by default",
     )
     parser.add_argument(
         "--train",

@@ -25,10 +25,11 @@ from deepring.cli.overrides import checked, is_sweep, quoted, value_of
 from deepring.cli.process import tune_process
 from deepring.cli.results_content import results_content
 from deepring.errors import ConfigError
+from deepring.evaluation.pose_errors import PoseErrors
 from deepring.evaluation.results import Result
+from deepring.experiment.compose import in_our_words
 from deepring.experiment.config import EvaluationSettings, check_config
 from deepring.experiment.config_groups import config_folder, register_configs
-from deepring.experiment.config_mistakes import config_mistake
 from deepring.experiment.run_folder import is_first_process, link_latest, open_run_folder
 from deepring.experiment.sweep_names import naming
 from deepring.experiment.sweep_outcomes import (
@@ -38,6 +39,7 @@ from deepring.experiment.sweep_outcomes import (
     run_sweep,
 )
 from deepring.progress import silence
+from deepring.reports.pose_errors_table import render_poses
 from deepring.reports.results_table import render, render_radii
 from deepring.text import printable
 
@@ -119,7 +121,7 @@ def say_failed(outcomes: SweepOutcomes) -> None:
 
 def sweep_content(sweeps: Sequence[SweepOutcomes]) -> dict[str, Any]:
     """How the jobs of sweeps ended, for the schema ``sweep``."""
-    jobs = []
+    jobs: list[tuple[Path, str | None]] = []
     for outcomes in sweeps:
         jobs += [(folder, None) for folder in outcomes.finished]
         jobs += outcomes.failed
@@ -150,14 +152,8 @@ def _run_hydra(
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")
     register_configs()
     compose = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=name)
-    try:
-        with restartable(arguments):
-            compose(task)()
-    except Exception as error:
-        mistake = config_mistake(error, [text for text in arguments if not text.startswith("-")])
-        if mistake is None:
-            raise
-        raise ConfigError(mistake) from error
+    with in_our_words(arguments), restartable(arguments):
+        compose(task)()
 
 
 def _sweep_job(composed: DictConfig) -> float:
@@ -190,7 +186,7 @@ def _train(composed: DictConfig, args: argparse.Namespace) -> None:
 
     def text() -> None:
         if outcome.results:
-            show(cfg.evaluation, outcome.results)
+            show(cfg.evaluation, outcome.results, outcome.poses)
         if outcome.checkpoint is not None:
             console.print(f"checkpoint   {outcome.checkpoint}")
         show_folder(outcome.folder)
@@ -203,23 +199,25 @@ def _train(composed: DictConfig, args: argparse.Namespace) -> None:
 def _evaluate(composed: DictConfig, args: argparse.Namespace) -> None:
     from deepring.experiment.evaluate import evaluate
     from deepring.experiment.plan import plan_evaluation
+    from deepring.experiment.start import expect_no_start
     from deepring.experiment.status import Status, write_status
 
     cfg = check_config(composed)
+    expect_no_start(cfg)
     folder = run_folder(cfg.paths.run)
     checkpoint = None if cfg.checkpoint is None else Path(cfg.checkpoint)
     plan = plan_evaluation(cfg, checkpoint)
     open_run_folder(plan.record, folder)
-    results = evaluate(plan, folder)
+    found = evaluate(plan, folder)
     write_status(folder, Status("finished"))
     link_latest(folder)
 
     def text() -> None:
-        show(plan.evaluation, results)
+        show(plan.evaluation, *found)
         show_folder(folder)
         console.print(f"tables       deepring tables {folder}")
 
-    content = partial(run_content, folder, plan.evaluation, results, checkpoint)
+    content = partial(run_content, folder, plan.evaluation, found.results, checkpoint)
     print_as(args, "results", content, text)
 
 
@@ -249,12 +247,14 @@ def _from_here(folder: Path) -> Path:
     return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
 
 
-def show(evaluation: EvaluationSettings, results: list[Result]) -> None:
-    """Print the headline table and, below it, Recall@1 by radius."""
+def show(evaluation: EvaluationSettings, results: list[Result], poses: list[PoseErrors]) -> None:
+    """Print the headline table and, below it, Recall@1 by radius and errors of relative poses."""
     over = evaluation.counted_over
     console.print(render(results, evaluation.radii[0], over))
     if len(evaluation.radii) > 1:
         console.print(render_radii(results, over))
+    if poses:
+        console.print(render_poses(poses))
 
 
 def show_folder(folder: Path) -> None:

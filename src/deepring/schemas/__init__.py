@@ -17,6 +17,7 @@ VERSIONS = {
     "locations": 1,
     "loops": 1,
     "map": 1,
+    "properties": 1,
     "results": 1,
     "sweep": 1,
     "tables": 1,
