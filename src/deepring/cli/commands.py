@@ -26,7 +26,7 @@ COMMANDS = {
         "train a method and evaluate it, or run a sweep (-m)",
         "Train a method and evaluate it. resume=CHECKPOINT goes on in that run's folder, "
         "start_from=CHECKPOINT\nbegins a run with the weights of an earlier stage; -m runs a "
-        "sweep, one job after the other,\nor as hydra/launcher= says.",
+        "sweep, one job after\nthe other, or as hydra/launcher= says.",
         HydraParser,
         partial(run_options.config_help, "train"),
     ),
