@@ -10,6 +10,7 @@ from deepring.rasters.heights import HeightRaster
 from deepring.rasters.histogram import HistogramRaster
 from deepring.rasters.iris import IrisRaster
 from deepring.rasters.m2dp import M2dpRaster
+from deepring.rasters.point_features import PointFeaturesRaster
 from deepring.rasters.points import PointsRaster
 from deepring.rasters.polar import PolarRaster
 from deepring.rasters.polar_context import PolarContextRaster
@@ -17,8 +18,10 @@ from deepring.rasters.preprocessing import Preprocessing
 from deepring.rasters.range_image import RangeRaster
 from deepring.rasters.range_normals import RangeNormalRaster
 from deepring.rasters.ring_histogram import RingHistogramRaster
+from deepring.rasters.segments import SegmentsRaster
 from deepring.rasters.semantic import SemanticRaster
 from deepring.rasters.semantic_points import SemanticPointsRaster
+from deepring.rasters.voxel_means import IntensityMeansRaster, VoxelMeansRaster
 from deepring.rasters.voxels import VoxelRaster
 
 __all__ = [
@@ -30,8 +33,10 @@ __all__ = [
     "HeightRangesRaster",
     "HeightRaster",
     "HistogramRaster",
+    "IntensityMeansRaster",
     "IrisRaster",
     "M2dpRaster",
+    "PointFeaturesRaster",
     "PointsRaster",
     "PolarContextRaster",
     "PolarRaster",
@@ -40,9 +45,11 @@ __all__ = [
     "RangeRaster",
     "Raster",
     "RingHistogramRaster",
+    "SegmentsRaster",
     "SemanticPointsRaster",
     "SemanticRangesRaster",
     "SemanticRaster",
+    "VoxelMeansRaster",
     "VoxelRaster",
     "make_raster",
     "raster_settings",
