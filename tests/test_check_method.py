@@ -38,6 +38,9 @@ TURNLESS = (
     "locnet",
     "rinet",
     "lpdnet",
+    "lcdnet",
+    "dh3d",
+    "locus",
 )
 WITHOUT_TURN = {"turn": "compare returns no turn"}
 
@@ -300,6 +303,16 @@ WRONG = {
         wrong(describe=with_describe(torch.ones_like)),
         "self-similarity: a scan scores .* with all 8 scans",
     ),
+    "one pose for all places": (
+        wrong(relative_poses=lambda *_: torch.eye(4, dtype=torch.float64)[None]),
+        r"relative poses: torch\.float64 \(1, 4, 4\) for 2 places, expected float64 \(2, 4, 4\)",
+    ),
+    "poses that stretch": (
+        wrong(
+            relative_poses=lambda _, __, places: 2 * torch.eye(4).double().repeat(len(places), 1, 1)
+        ),
+        r"relative poses: \[\[\[2\.0.* expected rigid transforms, or NaN throughout",
+    ),
     "the opposite turn": (
         wrong(compare=with_compare(lambda score, turn: (score, -turn))),
         r"turn: the points were turned by 60° .*\[-60.*of the opposite sign",
@@ -363,5 +376,13 @@ def test_half_a_turn_more_is_none_for_a_method_that_says_so():
 
 def test_every_property_is_failed_by_a_method():
     failed = {message.partition(":")[0] for _, message in WRONG.values()}
-    properties = ["shapes", "determinism", "empty batch", "self-similarity", "turn", "index"]
+    properties = [
+        "shapes",
+        "determinism",
+        "empty batch",
+        "self-similarity",
+        "turn",
+        "index",
+        "relative poses",
+    ]
     assert failed == {*properties, "file"}

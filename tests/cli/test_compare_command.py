@@ -2,6 +2,7 @@
 
 from deepring.evaluation.reranked_labels import method_label
 from deepring.evaluation.results import read_results
+from deepring.experiment.sweep_outcomes import SweepOutcomes
 from helpers.cli import deepring, refused
 
 TINY = (
@@ -52,7 +53,7 @@ def test_tables_come_of_one_command_and_a_second_start_trains_nothing(
     written = {path.name for path in (sweep / "tables").iterdir()}
     assert {"table1.md", "further.tex", "comparison.csv", "pr_curves.png"} <= written
     again = deepring(*learned, cwd=tmp_path)
-    assert "finished before: skipped" in again.stdout
+    assert "finished before: skipped" in again.stderr
     # The kept descriptors give the same figures without scans or network; re-ranking needs scans.
     scored = deepring("score", job, "-o", "again.csv", cwd=tmp_path)
     assert scored.returncode == 0, scored.stderr
@@ -67,7 +68,26 @@ def test_tables_come_of_one_command_and_a_second_start_trains_nothing(
     assert rates(tmp_path / "again.csv") == rates(job / "results.csv") != {}
 
 
+def test_every_fixed_method_is_run_but_those_that_need_labels(tiny_custom, tmp_path, monkeypatch):
+    sweeps = []
+    outcomes = SweepOutcomes([], [])
+    monkeypatch.setattr(
+        "deepring.cli.compare_command.run_multirun", lambda words: sweeps.append(words) or outcomes
+    )
+    data = ("--test", "sim_custom", "test_data.sim_custom.root=" + str(tiny_custom / "drive.yaml"))
+    done = deepring("compare", "--learned=", "--fixed", "all", *data, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("fixed        ")
+    assert "left out 1: ssc (needs labels, missing in sim_custom)" in done.stdout
+    (methods,) = [word for word in sweeps[0] if word.startswith("method=")]
+    assert {"ring", "m2dp_signs"} <= set(methods.removeprefix("method=").split(","))
+    assert "ssc" not in methods
+
+
 def test_what_cannot_be_compared_is_said(tmp_path):
+    refused(deepring("compare", "--learned=", "--fixed", "all,ring", cwd=tmp_path), "all,ring")
+    nowhere = deepring("compare", "--fixed", "all", "--learned=", "--test", "nowhere", cwd=tmp_path)
+    refused(nowhere, "--test: 'nowhere'")
     refused(deepring("compare", "--learned=", "--fixed=", cwd=tmp_path), "both empty")
     refused(deepring("compare", "--learned=", "--fixed", "rign", cwd=tmp_path), "rign")
     assert not list(tmp_path.rglob("results.csv"))

@@ -1,4 +1,4 @@
-"""The demo's claim, as the README prints it."""
+"""The demo's claim, as docs/demo.md prints it."""
 
 import pytest
 

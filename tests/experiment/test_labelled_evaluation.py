@@ -49,3 +49,21 @@ def test_a_dataset_without_labels_is_refused_in_one_line(method, tiny_custom, tm
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("error")]
     assert line.startswith("error: session map: its points have no labels in ")
     assert "Traceback" not in done.stderr
+
+
+def test_relative_poses_are_stated_where_a_method_tells_them(labelled_drive, tmp_path):
+    drive = ("method=ssc", "data=sim_custom", f"data.root={labelled_drive}", *QUICK)
+    options = (*TINY_DATA, "evaluation.descriptors=false", "method.raster.count=500")
+    done = deepring("train", *drive, *options, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "relative poses of the best places within 10 m" in done.stdout
+    (table,) = tmp_path.rglob("relative_poses.csv")
+    ssc = table.read_text().splitlines()[1].split(",")
+    assert ssc[0].startswith("SSC")
+    places, right = map(int, ssc[5:7])
+    assert 0 <= right <= places
+    assert "within 2 m and 5°" in (table.parent / "results.md").read_text()
+    quiet = deepring("train", *drive, *options, "evaluation.relative_poses=false", cwd=tmp_path)
+    assert quiet.returncode == 0, quiet.stderr
+    assert "relative poses" not in quiet.stdout
+    assert len(list(tmp_path.rglob("relative_poses.csv"))) == 1

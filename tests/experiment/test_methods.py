@@ -7,13 +7,15 @@ from omegaconf import OmegaConf
 from deepring.errors import DeepringError
 from deepring.experiment import build
 from deepring.experiment.config_groups import config_folder
+from deepring.experiment.entries import method_entries
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.record import record_of
 from deepring.experiment.train import train
 from deepring.methods.network_file import load_network
 from helpers.small_training import SMALL, TINY_DATA, TINY_METHODS
 
-METHODS = sorted(path.stem for path in (config_folder() / "method").glob("*.yaml"))
+ENTRIES = method_entries(config_folder())
+METHODS = [entry.name for entry in ENTRIES]
 FIXED = (
     *("ring", "ring_plus_plus", "scan_context", "scan_context_120", "ssc"),
     *("fast_histogram", "fast_histogram_clear", "m2dp", "m2dp_signs", "lidar_iris"),
@@ -22,7 +24,11 @@ FIXED = (
 LEARNED = [name for name in METHODS if name not in FIXED]
 
 #: Learned methods that take the raw scan, ground and all, as published.
-RAW = ("locnet", "locnet_small", "rinet", "rinet_small")
+RAW = (
+    *("locnet", "locnet_small", "rinet", "rinet_small"),
+    *("overlapnet", "overlapnet_small"),
+    "lcdnet",
+)
 
 #: Methods that need classes of points; see `test_labelled_evaluation`.
 LABELLED = ("rinet",)
@@ -47,7 +53,9 @@ def test_each_method_names_its_command_and_says_whether_it_learns(method, compos
     lines = (config_folder() / "method" / f"{method}.yaml").read_text().splitlines()
     assert f"# deepring train method={method}" in lines[:2]
     cfg = composed("data.root=/nowhere", f"method={method}")
-    assert build.learns(cfg.method) == (method in LEARNED)
+    (entry,) = [each for each in ENTRIES if each.name == method]
+    assert build.learns(cfg.method) == entry.learns == (method in LEARNED)
+    assert build.method(cfg.method).raster.columns == entry.columns
     if method in LEARNED:
         network = build.method(cfg.method)
         module = build.module(cfg, [], network)

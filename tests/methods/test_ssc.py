@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from deepring.core.rigid import turn_points
+from deepring.core.rigid import moved_points, planar_pose, turn_points
 from deepring.errors import ConfigError, DataError
-from deepring.methods.method import rebuild_method
+from deepring.methods.method import RelativePoses, rebuild_method
 from deepring.methods.ssc import Ssc
 from deepring.methods.ssc._ssc_kernels import share_alike
 from deepring.methods.ssc.ssc_keys import label_keys
@@ -156,6 +156,35 @@ def test_thinned_points_are_as_alike_as_whole_scans():
         filled = (images[0] > 0) | (images[1] > 0)
         whole = (filled & (images[0] == images[1])).sum() / filled.sum()
         assert found.score == pytest.approx(whole, abs=0.015)
+
+
+def test_relative_poses_carry_the_points_of_a_place_onto_the_querys():
+    points, truth = street(4), planar_pose(-1.2, 0.4, math.radians(30))
+    seen = points.copy()
+    seen[:, :3] = moved_points(points[:, :3], truth)
+    query, *places = (torch.from_numpy(METHOD.raster(p, 0.0)) for p in (seen, points, seen))
+    moved, same = METHOD.relative_poses(query, torch.stack(places)).numpy()
+    assert isinstance(METHOD, RelativePoses)
+    assert moved.dtype == np.float64
+    away = np.linalg.norm(moved_points(points[:, :3], moved) - seen[:, :3], axis=1)
+    assert np.median(away) < 1.5  # turned to whole degrees
+    # The usual misreading: the query's points carried onto the place's.
+    opposite = np.linalg.inv(moved)
+    wrong = np.linalg.norm(moved_points(points[:, :3], opposite) - seen[:, :3], axis=1)
+    assert np.median(wrong) > 5
+    assert np.linalg.norm(moved[:2, 3] - truth[:2, 3]) < 1.0
+    assert np.abs(same - np.eye(4)).max() < 1e-6
+
+
+def test_a_scan_without_landmarks_has_no_relative_pose():
+    ground = street(0)[-4000:]  # nothing that stands
+    query, blank = (torch.from_numpy(METHOD.raster(p, 0.0)) for p in (street(0), ground))
+    assert METHOD.relative_poses(query, torch.stack([blank, query]))[:, 0, 0].isnan().tolist() == [
+        True,
+        False,
+    ]
+    assert METHOD.relative_poses(blank, query[None]).isnan().all()
+    assert METHOD.relative_poses(query, query[None][:0]).shape == (0, 4, 4)
 
 
 def test_offsets_that_are_far_are_none():

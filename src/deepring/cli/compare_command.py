@@ -3,12 +3,24 @@
 import argparse
 import sys
 from collections.abc import Iterator
-from pathlib import Path
+from typing import get_args
 
 from deepring.cli.console import console
-from deepring.cli.main import parse, run
-from deepring.cli.train_commands import report_sweep, run_multirun
+from deepring.cli.json_output import print_json
+from deepring.cli.main import parse
+from deepring.cli.named_methods import ALL
+from deepring.cli.overrides import checked, choices_of
+from deepring.cli.tables_command import make_tables
+from deepring.cli.train_commands import report_sweep, run_multirun, say_failed, sweep_content
 from deepring.errors import ConfigError
+from deepring.experiment.compose import composed
+from deepring.experiment.config import Config
+from deepring.experiment.config_groups import config_folder
+from deepring.experiment.dataset_columns import lacking_columns
+from deepring.experiment.entries import method_entries
+from deepring.experiment.every_method import Kind, every_method
+from deepring.experiment.sweep_names import swept
+from deepring.experiment.sweep_outcomes import SweepOutcomes
 
 #: The override of each option, with the values in place of {}.
 _OPTIONS = {"train": "train={}", "seeds": "seed={}", "test": "test=[{}]"}
@@ -18,24 +30,30 @@ def compare_command(args: argparse.Namespace) -> None:
     """Run both sweeps and print their tables; finished runs are skipped."""
     if args.learned == args.fixed == "":
         raise ConfigError("--learned, --fixed: both empty, expected at least one method; name one")
-    finished: list[Path] = []
-    failed = 0
-    for kind, overrides in _sweeps(args):
-        outcomes = run_multirun(["-m", f"sweep={kind}", *overrides, *args.overrides])
-        finished += outcomes.finished
-        failed += report_sweep(outcomes)
-    sweeps = dict.fromkeys(folder.parent for folder in finished)
-    if sweeps:
-        run(parse(["tables", *map(str, sweeps)]))
+    sweeps: list[SweepOutcomes] = []
+    for kind, overrides in list(_sweeps(args)):
+        sweeps.append(run_multirun(["-m", f"sweep={kind}", *overrides, *args.overrides]))
+        if args.form != "json":
+            report_sweep(sweeps[-1])
+        else:
+            say_failed(sweeps[-1])
+    finished = [folder for outcomes in sweeps for folder in outcomes.finished]
+    failed = any(outcomes.failed for outcomes in sweeps)
+    of_tables = None
+    if folders := dict.fromkeys(folder.parent for folder in finished):
+        of_tables = make_tables(parse(["tables", *map(str, folders), "--as", args.form]))
+    if args.form == "json":
+        print_json("sweep", {**sweep_content(sweeps), "tables": of_tables})
     if failed:
-        console.print("the same command goes on with what is left")
+        if args.form != "json":
+            console.print("the same command goes on with what is left")
         sys.exit(1)
 
 
-def _sweeps(args: argparse.Namespace) -> Iterator[tuple[str, list[str]]]:
+def _sweeps(args: argparse.Namespace) -> Iterator[tuple[Kind, list[str]]]:
     """The kinds of sweep to run, with the overrides of their options."""
-    for kind in ("fixed", "learned"):
-        methods = getattr(args, kind)
+    for kind in reversed(get_args(Kind)):  # those that are done first
+        methods = _methods(kind, args)
         if methods == "":
             continue
         overrides = [] if methods is None else [f"method={methods}"]
@@ -44,3 +62,37 @@ def _sweeps(args: argparse.Namespace) -> Iterator[tuple[str, list[str]]]:
             if value is not None and not (option == "train" and kind == "fixed"):
                 overrides.append(override.format(value))
         yield kind, overrides
+
+
+def _methods(kind: Kind, args: argparse.Namespace) -> str | None:
+    """The names that an option gives; for ``all`` they are looked up, and what they are is said."""
+    names: str | None = getattr(args, kind)
+    if names is None or ALL not in names.split(","):
+        return names
+    if names != ALL:
+        raise ConfigError(f"--{kind}: {names}, expected {ALL} alone, or names of methods")
+    choice = every_method(
+        kind,
+        method_entries(config_folder()),
+        lambda columns: lacking_columns(_data(kind, args), columns),
+    )
+    if args.form == "json":
+        print(f"{kind}: {choice}", file=sys.stderr)
+    else:
+        console.print(f"{kind:<12} {choice}")
+    return ",".join(choice.names)
+
+
+def _data(kind: Kind, args: argparse.Namespace) -> Config:
+    """A config with all datasets that a sweep trains and tests on."""
+    own = [text for text in checked(["-m", *args.overrides])[1:] if not choices_of(text)[1:]]
+    overrides = [f"sweep={kind}", *own]
+    usual = swept(kind, config_folder())
+    seeds = usual["seed"] if args.seeds is None else args.seeds
+    overrides.append(f"seed={choices_of(f'seed={seeds}')[0]}")
+    if kind == "learned":
+        trains = choices_of(f"train={usual['train'] if args.train is None else args.train}")
+        overrides.append(f"train=[{','.join(trains)}]")
+    if args.test is not None:
+        overrides.append(f"test=[{args.test}]")
+    return composed(overrides)

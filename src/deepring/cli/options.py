@@ -4,6 +4,7 @@ import argparse
 import errno
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -83,6 +84,17 @@ def add_metres(parser: Parser, flag: str, default: float, help: str) -> None:
     )
 
 
+def add_form(parser: Parser, text: str = "table", further: Sequence[str] = ()) -> None:
+    """``--as``: ``text``, the name of what a person reads, or JSON, or one of the further forms."""
+    parser.add_argument(
+        "--as",
+        dest="form",
+        choices=(text, "json", *further),
+        default=text,
+        help="output format: %(choices)s (%(default)s)",
+    )
+
+
 def add_output(parser: Parser, metavar: str, help: str, required: bool = True) -> None:
     """``-o``, the file or folder to write."""
     parser.add_argument("-o", "--output", type=Path, metavar=metavar, required=required, help=help)
@@ -127,7 +139,8 @@ def network_of(checkpoint: str) -> "DeepRing":
     network = load_network(checkpoint).method
     if not isinstance(network, DeepRing):
         raise DataError(
-            f"checkpoint: {checkpoint} holds {network.settings.label}, expected DeepRING"
+            f"checkpoint: {checkpoint} holds {network.settings.label}, expected DeepRING, which "
+            f"maps are made with; `deepring evaluate checkpoint={checkpoint}` takes every network"
         )
     return network
 

@@ -74,6 +74,20 @@ def value_of(arguments: Sequence[str], key: str) -> str | None:
     return None if value is None else str(value)
 
 
+def choices_of(text: str) -> list[str]:
+    """What an override gives its key, one after the other in a sweep; lists are taken apart.
+
+    >>> choices_of("train=nclt,[nclt,mulran]")
+    ['nclt', 'nclt', 'mulran']
+    """
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    override = OverridesParser.create().parse_override(text)
+    swept = override.is_sweep_override()
+    values = list(override.sweep_string_iterator()) if swept else [override.value()]
+    return [part for value in values for part in str(value).strip("[]").split(",")]
+
+
 def quoted(key: str, value: str) -> str:
     """``KEY="VALUE"``, which Hydra reads as this very text."""
     escaped = value.replace("${", "\\${")

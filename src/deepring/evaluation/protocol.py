@@ -20,6 +20,7 @@ from deepring.evaluation.export import Export
 from deepring.evaluation.look_up import BEST, best_of
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.online import look_up_among
+from deepring.evaluation.pose_errors import PoseErrors
 from deepring.evaluation.results import Result
 from deepring.evaluation.task import RetrievalTask
 from deepring.methods.method import Method, describe_batches
@@ -39,6 +40,8 @@ class Outcome:
     matches: TopMatches
     results: list[Result]
     """One per radius, in the order of the radii."""
+    poses: PoseErrors | None = None
+    """Errors of the relative poses of the best places, where the method tells these."""
 
     @property
     def case(self) -> Case:

@@ -32,6 +32,8 @@ class EvaluationSettings:
     figures: bool = True
     #: Save the descriptors, so that they can be scored again without scans or network.
     descriptors: bool = False
+    #: Tell how far off the relative poses of the best places are, by methods that give them.
+    relative_poses: bool = True
     #: Further rows of each method with its best candidates aligned: 'pose' orders them by their
     #: distance from the query, 'locate' also uses the poses of the map. [] aligns none.
     rerank: list[str] = field(default_factory=lambda: ["pose"])
@@ -110,6 +112,11 @@ class Config:
     evaluate: bool = True
     #: Test regions that hold training scans: 'refuse', 'leave_out' or 'allow'.
     overlap: str = "refuse"
+    #: Begin a training with the weights of this checkpoint, which an earlier stage trained.
+    start_from: str | None = None
+    #: The parts of the network that are trained, such as [aggregate]; the others keep their
+    #: weights. null: all.
+    trained_parts: list[str] | None = None
     #: Resume training from this checkpoint.
     resume: str | None = None
     #: The trained network to evaluate; with null, only the other methods.

@@ -1,8 +1,9 @@
 """Evaluate methods on regions of datasets."""
 
 import logging
+from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple, cast
 
 from matplotlib.figure import Figure
 
@@ -10,6 +11,8 @@ from deepring.data.dataset import RetrievalSet
 from deepring.evaluation.case import in_file_names
 from deepring.evaluation.look_up import BEST
 from deepring.evaluation.matches import write_matches
+from deepring.evaluation.pose_errors import FILE as POSES
+from deepring.evaluation.pose_errors import PoseErrors, pose_errors, write_pose_errors
 from deepring.evaluation.protocol import Outcome, evaluate_method
 from deepring.evaluation.reranked import evaluate_reranked
 from deepring.evaluation.results import Result, write_results
@@ -21,9 +24,10 @@ from deepring.experiment.pictures import evaluation_figures
 from deepring.experiment.plan import Plan
 from deepring.io.files import write_whole
 from deepring.localization.candidates import Rerank, RerankSettings
-from deepring.methods.method import Method, describe_all
+from deepring.methods.method import Method, RelativePoses, describe_all
 from deepring.progress import progress_bar
 from deepring.rasters import BevRaster, Raster
+from deepring.reports.pose_errors_table import markdown_poses
 from deepring.reports.results_table import markdown, markdown_radii
 from deepring.reports.style import save
 from deepring.reports.tensorboard_events import add_descriptors, write_events
@@ -31,11 +35,20 @@ from deepring.reports.tensorboard_events import add_descriptors, write_events
 log = logging.getLogger(__name__)
 
 
-def evaluate(plan: Plan, folder: Path) -> list[Result]:
-    """Evaluate the planned methods on each split; one result per radius.
+class Evaluation(NamedTuple):
+    """What an evaluation found."""
+
+    results: list[Result]
+    """One per method, split and radius."""
+    poses: list[PoseErrors]
+    """One per split and method that tells relative poses."""
+
+
+def evaluate(plan: Plan, folder: Path) -> Evaluation:
+    """Evaluate the planned methods on each split.
 
     Writes ``results.csv``, ``results.md``, ``retrievals/``, pictures and TensorBoard events below
-    ``folder``.
+    ``folder``, and ``relative_poses.csv`` where a method tells these.
     """
     outcomes = [
         (split, evaluate_split(plan, folder, split)) for split in plan.splits if plan.methods(split)
@@ -43,10 +56,14 @@ def evaluate(plan: Plan, folder: Path) -> list[Result]:
     results = [result for _, of in outcomes for outcome in of for result in outcome.results]
     write_results(folder / "results.csv", results)
     over = plan.evaluation.counted_over
+    poses = [outcome.poses for _, of in outcomes for outcome in of if outcome.poses is not None]
     tables = [markdown(results, plan.evaluation.radii[0], over), markdown_radii(results, over)]
+    if poses:
+        write_pose_errors(folder / POSES, poses)
+        tables.append(markdown_poses(poses))
     write_whole(folder / "results.md", ["\n".join(tables).encode("utf-8", "backslashreplace")])
     _show(plan, folder, outcomes)
-    return results
+    return Evaluation(results, poses)
 
 
 def evaluate_split(plan: Plan, folder: Path, split: RetrievalSet) -> list[Outcome]:
@@ -78,7 +95,7 @@ def _evaluate_alone(
     case = task.case(name, train)
     log.info("%s: %d queries in %d places", case, len(task.query), len(task.database))
     with progress_bar(f"{name}, {case.place}: describing and looking up") as bar:
-        return evaluate_method(
+        outcome = evaluate_method(
             case,
             method,
             task,
@@ -89,6 +106,11 @@ def _evaluate_alone(
             export=folder / DESCRIPTORS if plan.evaluation.descriptors else None,
             wrong_beyond=plan.evaluation.wrong_beyond,
         )
+    if not plan.evaluation.relative_poses or not isinstance(method, RelativePoses):
+        return outcome
+    with progress_bar(f"{name}, {case.place}: relative poses") as bar:
+        radius = plan.evaluation.radii[0]
+        return replace(outcome, poses=pose_errors(method, task, outcome.matches, radius, bar))
 
 
 def _rerank(evaluation: EvaluationSettings, outcome: Outcome, task: RetrievalTask) -> list[Outcome]:

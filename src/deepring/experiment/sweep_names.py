@@ -42,7 +42,7 @@ def naming(overrides: Sequence[str], configs: Path) -> list[str]:
         if key == "hydra.sweep.dir" and not override.value():
             raise ConfigError(f"{text}: no value, expected the folder of the sweep")
         if key == _SWEEPING and not is_sweep[key]:
-            sweep_keys |= _keys_of(configs / key / f"{override.value()}.yaml")
+            sweep_keys |= set(swept(override.value(), configs))
     fixed = [key for key in is_sweep if not is_sweep[key] and key.lstrip("+~") not in sweep_keys]
     keys = ",".join(f'"{key}"' for key in dict.fromkeys(_spellings(fixed)))
     return [f"hydra.job.config.override_dirname.exclude_keys=[{keys}]"]
@@ -54,11 +54,13 @@ def _spellings(keys: Sequence[str]) -> Iterator[str]:
         yield from (key, key.lstrip("+~"))
 
 
-def _keys_of(config: Path) -> set[str]:
-    """The keys that a config file sweeps; none if the file is missing, which Hydra reports."""
+def swept(sweep: object, configs: Path) -> dict[str, str]:
+    """What a sweep varies: keys to values as text. None if there is no such file, as Hydra says."""
+    config = configs / _SWEEPING / f"{sweep}.yaml"
     if not config.is_file():
-        return set()
-    return set(OmegaConf.select(OmegaConf.load(config), "hydra.sweeper.params", default={}))
+        return {}
+    values = OmegaConf.select(OmegaConf.load(config), "hydra.sweeper.params", default={})
+    return {str(key): str(value) for key, value in values.items()}
 
 
 def folder_name(overrides: str) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple, Protocol, Self, cast, get_type_hints, runtime_checkable
 
 import torch
-from jaxtyping import Float, Shaped
+from jaxtyping import Float, Float64, Shaped
 from torch import Tensor
 
 from deepring.errors import FileError
@@ -39,6 +39,8 @@ class Method(Protocol):
     - ``from_fingerprint(made_by)``, a classmethod: see `rebuild_method`;
     - ``descriptor_shape``: the shape of one descriptor; files with others are refused;
     - ``turn_period``, radians: what its turns are known modulo; 2π without it;
+    - ``relative_poses(query, places)``: how one scan lies in the frame of another, see
+      `RelativePoses`;
     - ``onnx_form()``: see `deepring.methods.onnx_file`.
     """
 
@@ -57,6 +59,35 @@ class Method(Protocol):
         self, queries: Float[Tensor, " q *descriptor"], database: Float[Tensor, " d *descriptor"]
     ) -> Comparison:
         """Compare descriptors (q, ...) with descriptors (d, ...)."""
+        ...
+
+
+@runtime_checkable
+class RelativePoses(Protocol):
+    """A `Method` that also tells how its best candidates lie in the frame of the query.
+
+    >>> from deepring.methods.ssc import Ssc
+    >>> isinstance(Ssc(), RelativePoses)
+    True
+    """
+
+    def relative_poses(
+        self, query: Shaped[Tensor, " *raster"], places: Shaped[Tensor, " k *raster"]
+    ) -> Float64[Tensor, "k 4 4"]:
+        """Rigid transforms that carry each place's points onto the query's.
+
+        ``transform[:3, :3] @ point + transform[:3, 3]`` of a place's point, in metres, is where the
+        query sees it. Both frames are those of the rasters' points: the sensor's axes, z above
+        the ground under it. A scan that is turned before it is rasterized counts as it is turned.
+
+        Args:
+            query: raster of one scan, *raster.shape.
+            places: rasters (k, *raster.shape), on any device.
+
+        Returns:
+            (k, 4, 4) float64 on the CPU; NaN throughout where a pose cannot be told. A method that
+            knows x, y and heading alone leaves z, roll and pitch as they are.
+        """
         ...
 
 

@@ -15,7 +15,7 @@ from torch.autograd.function import once_differentiable
 
 from deepring import checks
 from deepring.errors import ConfigError, DataError
-from deepring.nn.sparse_grid import Grid, KernelMap
+from deepring.nn.sparse_grid import Grid, KernelMap, Lengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +45,8 @@ class SparseTensor:
         return self.grid.coordinates
 
     @property
-    def stride(self) -> int:
-        """Size of a site in voxels."""
+    def stride(self) -> int | Lengths:
+        """Size of a site in voxels, one number or one for each axis."""
         return self.grid.stride
 
     def put(self, features: Float[Tensor, "n channel"]) -> "SparseTensor":
@@ -137,6 +137,31 @@ class StridedConv(_SparseConv):
         return SparseTensor(self.apply_map(x.features, pairs), grid)
 
 
+class KernelConv(_SparseConv):
+    """Convolution of any kernel, stride and padding, onto every site that the kernel touches.
+
+    One number stands for three. Source: the regular sparse convolution of Graham and van der
+    Maaten (2017), as SECOND and PV-RCNN use it (kernel 3, stride 2; kernel 3 in z alone).
+    """
+
+    def __init__(
+        self,
+        in_channels: int,
+        out_channels: int,
+        kernel: int | Lengths = 3,
+        stride: int | Lengths = 2,
+        padding: int | Lengths = 1,
+    ) -> None:
+        self.kernel, self.stride = _three("kernel", kernel, 1), _three("stride", stride, 1)
+        self.padding = _three("padding", padding, 0)
+        super().__init__(in_channels, out_channels, math.prod(self.kernel), in_channels)
+
+    def forward(self, x: SparseTensor) -> SparseTensor:
+        """Features (m, out) on the sites of `Grid.strided`; see there for errors."""
+        grid, pairs = x.grid.strided(self.kernel, self.stride, self.padding)
+        return SparseTensor(self.apply_map(x.features, pairs), grid)
+
+
 class TransposedConv(_SparseConv):
     """Transposed convolution with kernel 2 and stride 2, from a coarser grid to its finer one."""
 
@@ -157,12 +182,20 @@ class TransposedConv(_SparseConv):
 class PointNorm(nn.Module):
     """Batch normalisation over all sites of the batch; training needs two or more."""
 
-    def __init__(self, channels: int) -> None:
+    def __init__(self, channels: int, eps: float = 1e-5, momentum: float = 0.1) -> None:
         super().__init__()
-        self.norm = nn.BatchNorm1d(channels)
+        self.norm = nn.BatchNorm1d(channels, eps, momentum)
 
     def forward(self, x: SparseTensor) -> SparseTensor:
         """Normalised features on the same sites."""
         if self.training and len(x.grid) < 2:
             raise DataError(f"batch: one site at stride {x.stride}, expected two for training")
         return x.put(self.norm(x.features))
+
+
+def _three(name: str, value: int | Lengths, least: int) -> Lengths:
+    """A number for each axis, each at least ``least``."""
+    first, second, third = (value,) * 3 if isinstance(value, int) else value
+    for length in (first, second, third):
+        checks.count(name, length, least)
+    return first, second, third

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring.core.rigid import turn_points
-from deepring.methods.method import Method
+from deepring.methods.method import Method, RelativePoses
 from deepring.testing.failure import TOLERANCE, away, difference
 from deepring.testing.failure import MethodError as MethodError
 from deepring.testing.storage import check_file as check_file
@@ -57,6 +57,7 @@ def check_method(method: Method, rasters: Tensor | None = None, seed: int = 0) -
     check_determinism(method, rasters, descriptors)
     check_empty_batch(method, rasters, descriptors)
     check_self_similarity(method, descriptors)
+    check_relative_poses(method, rasters)
     skipped = {
         "turn": check_turn(method, seed),
         "index": check_index(method, descriptors),
@@ -216,6 +217,26 @@ def check_self_similarity(method: Method, descriptors: Tensor) -> None:
             f"a scan scores {float(diagonal[0]):.6g} with all {len(score)} scans, expected a lower "
             "score with other scans than with itself",
         )
+
+
+def check_relative_poses(method: Method, rasters: Tensor) -> None:
+    """Assert that a method with `RelativePoses` gives rigid transforms (k, 4, 4), or NaN."""
+    if not isinstance(method, RelativePoses):
+        return
+    for k in (2, 0):
+        poses = method.relative_poses(rasters[0], rasters[:k])
+        if poses.dtype != torch.float64 or tuple(poses.shape) != (k, 4, 4):
+            raise MethodError(
+                "relative poses",
+                f"{poses.dtype} {tuple(poses.shape)} for {k} places, expected float64 ({k}, 4, 4)",
+            )
+        told = poses[~poses.isnan().flatten(1).all(dim=1)].cpu()
+        turns, last = told[:, :3, :3], torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=torch.float64)
+        apart = (turns @ turns.mT - torch.eye(3, dtype=torch.float64)).abs()
+        if (apart > TOLERANCE).any() or (turns.det() < 0).any() or (told[:, 3] != last).any():
+            raise MethodError(
+                "relative poses", f"{told.tolist()}, expected rigid transforms, or NaN throughout"
+            )
 
 
 def check_turn(method: Method, seed: int = 0) -> str:

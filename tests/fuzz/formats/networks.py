@@ -29,7 +29,19 @@ from fuzz.scenes import scene
 from helpers.tiny_methods import TINY
 
 #: All that learn.
-_METHODS = ("deepring", "disco", "pointnetvlad", "egonn", "locnet", "rinet", "lpdnet")
+_METHODS = (
+    "deepring",
+    "disco",
+    "pointnetvlad",
+    "egonn",
+    "locnet",
+    "rinet",
+    "lpdnet",
+    "overlapnet",
+    "lcdnet",
+    "dh3d",
+    "locus",
+)
 _SCAN = np.array(scene(1), np.float32)
 
 

@@ -2,6 +2,7 @@
 
 import copy
 import json
+import math
 from random import Random
 from typing import Any
 
@@ -110,6 +111,14 @@ def _of_its_type(rng: Random, old: Any) -> Any:
     return None
 
 
+def _as_float(value: float) -> float:
+    """The value as a float; infinite for integers beyond all floats, as an earlier change makes."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
 def _of_any_type(rng: Random, whole: dict[str, Any], container: Any, key: Any) -> str:
     old, kind = container[key], rng.randrange(9)
     if kind == 0:
@@ -126,7 +135,7 @@ def _of_any_type(rng: Random, whole: dict[str, Any], container: Any, key: Any) -
         container[key] = copy.deepcopy(other[name])
         return f"{key!r} as {name!r}"
     if kind == 4 and isinstance(old, int | float):
-        container[key] = rng.choice((float(old), str(old), [old], old == 1))
+        container[key] = rng.choice((_as_float(old), str(old), [old], old == 1))
         return f"{key!r} as another type"
     if kind == 5:
         container[key] = [old] if rng.random() < 0.5 else {"": old}

@@ -4,11 +4,12 @@ import math
 from typing import Any, NamedTuple
 
 import torch
-from jaxtyping import Float, Int64, Shaped
+from jaxtyping import Bool, Float, Float64, Int64, Shaped
 from torch import Tensor
 
 from deepring.checks import count, of_type
 from deepring.core.correlation import shift_to_turn
+from deepring.core.rigid import planar_pose
 from deepring.errors import DataError
 from deepring.methods.method import Comparison, FixedMethod
 from deepring.methods.ssc.ssc_index import SscIndex
@@ -99,6 +100,27 @@ class Ssc(FixedMethod):
         turn = shift_to_turn(found.roll, self.raster.sectors)
         x, y = found.offset[0].tolist()
         return Alignment(float(found.score[0]), float(turn[0]), (x, y))
+
+    def relative_poses(
+        self, query: Shaped[Tensor, "point 3"], places: Shaped[Tensor, "k point 3"]
+    ) -> Float64[Tensor, "k 4 4"]:
+        """Turn and offset of `align`, see `RelativePoses`; z, roll and pitch stay as they are.
+
+        NaN where a scan has no landmarks, which then say nothing of its pose. An offset beyond the
+        limit of 5 m along an axis is 0, as published.
+        """
+        (one,), every = self.describe(query[None]).cpu(), self.describe(places).cpu()
+        found = align_query(one, every, torch.arange(len(every)), self.pair_settings)
+        turns = shift_to_turn(found.roll, self.raster.sectors).tolist()
+        poses = torch.full((len(every), 4, 4), math.nan, dtype=torch.float64)
+        told = self._has_landmarks(every) & self._has_landmarks(one[None])
+        for k in told.nonzero()[:, 0].tolist():
+            x, y = found.offset[k].tolist()
+            poses[k] = torch.from_numpy(planar_pose(x, y, turns[k]))
+        return poses
+
+    def _has_landmarks(self, points: Float[Tensor, "n point xyc"]) -> Bool[Tensor, " n"]:
+        return (points[:, : self.raster.sectors, 2] > 0).any(dim=1)
 
     @property
     def descriptor_shape(self) -> tuple[int, int]:

@@ -1,0 +1,1 @@
+"""What this installation and machine are, whether commands can work here, and what is slow."""
