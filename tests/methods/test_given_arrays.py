@@ -84,6 +84,8 @@ def small(name):
         case "rinet":
             raster = raster_settings(HeightRangesRaster(sectors=12, bands=4))
             return RINet(RINetSettings(raster, widths=(2, 4), steps=(3,), hidden=4))
+        case "lcdnet":
+            return TINY["lcdnet"]()
         case "overlapnet":
             return TINY["overlapnet"]()
         case "pointnetvlad":
@@ -108,6 +110,7 @@ METHODS = (
     *("pointnetvlad", "egonn", "locnet", "rinet", "locus"),
     "lpdnet",
     "overlapnet",
+    "lcdnet",
     *("fast histogram", "m2dp", "lidar iris", "polar context", "cart context"),
 )
 

@@ -126,6 +126,18 @@ COMMANDS = {
         "Print versions, threads, GPU, folders, and measured times, to paste into a bug report. "
         "Exits with 1 if something makes commands fail.",
     ),
+    "schema": _Command(
+        help_options.add_schema,
+        "print the JSON schema of an output, or of drive.yaml",
+        "Print a JSON Schema: of what commands print with --as json, or of drive.yaml "
+        "(drive_file).",
+    ),
+    "completion": _Command(
+        help_options.add_completion,
+        "print a script that lets a shell complete commands",
+        "Print a script that lets bash, zsh or tcsh complete commands, options, files and config "
+        "groups. It needs nothing but the shell.",
+    ),
 }
 
 

@@ -21,6 +21,7 @@ from deepring.rasters.ring_histogram import RingHistogramRaster
 from deepring.rasters.segments import SegmentsRaster
 from deepring.rasters.semantic import SemanticRaster
 from deepring.rasters.semantic_points import SemanticPointsRaster
+from deepring.rasters.voxel_means import IntensityMeansRaster, VoxelMeansRaster
 from deepring.rasters.voxels import VoxelRaster
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "HeightRangesRaster",
     "HeightRaster",
     "HistogramRaster",
+    "IntensityMeansRaster",
     "IrisRaster",
     "M2dpRaster",
     "PointFeaturesRaster",
@@ -47,6 +49,7 @@ __all__ = [
     "SemanticPointsRaster",
     "SemanticRangesRaster",
     "SemanticRaster",
+    "VoxelMeansRaster",
     "VoxelRaster",
     "make_raster",
     "raster_settings",

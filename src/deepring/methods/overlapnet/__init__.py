@@ -125,13 +125,14 @@ class OverlapNet(NetworkMethod):
             at_once = max(1, _DIFFERENCES // (queries[0].numel() * self.columns))
             found = [
                 torch.sigmoid(self.overlap_logits(queries[part[:, 0]], database[part[:, 1]]))
-                for part in chosen.split(at_once)
+                for part in torch.split(chosen, at_once)
             ]
             score = score.index_put(tuple(chosen.T), torch.cat(found))
         with torch.no_grad():
             rows = max(1, _CURVES // (len(database) * self.columns))
             shifts = [
-                correlation_curves(part, database).argmax(dim=-1) for part in queries.split(rows)
+                correlation_curves(part, database).argmax(dim=-1)
+                for part in torch.split(queries, rows)
             ]
         return Comparison(score, shift_to_turn(torch.cat(shifts), self.columns))
 
