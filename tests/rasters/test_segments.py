@@ -16,6 +16,7 @@ from deepring.rasters.clusters import euclidean_clusters
 from deepring.rasters.segment_shape import aligned, hull_distances, hull_points, voxels
 from deepring.rasters.segments import unpack_voxels
 from deepring.testing import walls
+from helpers.real_data import real_data
 
 RASTER = SegmentsRaster(
     max_segments=8, cells=(8, 8, 4), tolerance=0.5, least_points=20, most_points=500
@@ -203,3 +204,16 @@ def test_bytes_that_no_scan_makes_are_refused():
     image[0, 0] = 255
     with pytest.raises(DataError, match="expected what a SegmentsRaster makes"):
         RASTER.segments(image)
+
+
+def test_a_real_scan_has_the_same_segments_when_it_is_turned():
+    records = np.fromfile(real_data("kitti08_pair", "000720.bin"), "<f4").reshape(-1, 4)
+    scan, turn = records[:, :3], 1.0
+    raster = SegmentsRaster()  # as published for this sensor
+    images = [raster(points, -1.73) for points in (scan, turn_points(scan, turn))]
+    segments = raster.segments(torch.from_numpy(np.stack(images)))
+    first, second = (c[p] for c, p in zip(segments.centres, segments.present, strict=True))
+    assert 30 < len(first) < 64
+    there = torch.from_numpy(turn_points(first.numpy(), turn))
+    again = torch.cdist(there, second).amin(dim=1) < 0.2
+    assert again.float().mean() > 0.8
