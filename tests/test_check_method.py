@@ -30,8 +30,15 @@ from deepring.testing import MethodError, check_method, rasterize, walls
 from helpers.tiny_methods import BEV, CONTEXT, TINY, deepring, disco
 
 TURNLESS = (
-    *("pointnetvlad", "egonn", "fast_histogram", "m2dp", "cart_context", "locnet", "rinet"),
+    "pointnetvlad",
+    "egonn",
+    "fast_histogram",
+    "m2dp",
+    "cart_context",
+    "locnet",
+    "rinet",
     "lcdnet",
+    "lpdnet",
 )
 WITHOUT_TURN = {"turn": "compare returns no turn"}
 
@@ -227,11 +234,19 @@ def test_a_network_of_a_user_passes():
 WRONG = {
     "whole numbers": (
         wrong(describe=with_describe(lambda d: d.long())),
-        r"shapes: describe returns torch\.int64, expected a floating",
+        r"shapes: describe returns torch\.int64, expected a Tensor of torch\.float32",
+    ),
+    "twice the precision": (
+        wrong(describe=with_describe(lambda d: d.double())),
+        r"shapes: describe returns torch\.float64, .*, which is all that files of descriptors hold",
+    ),
+    "half the precision": (
+        wrong(describe=with_describe(lambda d: d.half())),
+        r"shapes: describe returns torch\.float16, expected a Tensor of torch\.float32",
     ),
     "no tensor": (
         wrong(describe=with_describe(lambda d: d.numpy())),
-        "shapes: describe returns ndarray, expected a floating",
+        "shapes: describe returns ndarray, expected a Tensor",
     ),
     "one descriptor for all": (
         wrong(describe=with_describe(lambda d: d.mean(dim=0, keepdim=True))),

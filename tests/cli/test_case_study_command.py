@@ -56,7 +56,7 @@ def test_a_simulated_mulran_dataset_with_its_session_named(tiny_mulran, tmp_path
 def test_single_scan_files(scan_files, tmp_path, capsys):
     rows = study(tmp_path / "two", "--format", "nclt", *scan_files)
     holds(rows)
-    assert [row["kind"] for row in rows].count("unrelated") == 2
+    assert [row["kind"] for row in rows].count("unrelated") == 3
     rows = study(tmp_path / "one", "--format", "nclt", scan_files[0])
     assert "unrelated" not in {row["kind"] for row in rows}
     assert "left out" in capsys.readouterr().out
@@ -67,6 +67,21 @@ def test_the_same_seed_writes_the_same_bytes(scan_files, tmp_path):
         study(tmp_path / name, "--format", "nclt", *scan_files, "--seed", seed)
     a, b, c = ((tmp_path / name / "case_study.csv").read_bytes() for name in "abc")
     assert a == b != c
+
+
+def test_methods_beside_the_representations(scan_files, tmp_path, capsys):
+    chosen = ("--methods", "fast_histogram,scan_context", "--pairs", 2)
+    work_of("case-study", "--format", "nclt", *scan_files, *chosen, "-o", tmp_path / "out")
+    further = {"case_study_methods.csv", "case_study_methods.png"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {*FILES, *further}
+    said = capsys.readouterr().out
+    assert "mean loss" in said
+    assert "Scan Context 20x60" in said
+    with (tmp_path / "out" / "case_study_methods.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert mean(rows, "Fast Histogram", "rotation", "97.5") < 0.01
+    assert mean(rows, "Fast Histogram", "unrelated", "") == pytest.approx(1.0, abs=1e-5)
+    assert mean(rows, "Scan Context 20x60", "translation", "20") > 0.1
 
 
 def test_the_drawn_pair_moves_as_it_was_told(scan_files, tmp_path, capsys):
@@ -105,6 +120,9 @@ def test_broken_scans_of_a_dataset_are_left_out_and_counted(tiny_nclt, tmp_path,
         (["{root}", "--session", "1999-01-01"], ["1999-01-01", "2031-02-04"]),
         (["{root}", "--format", "kitti"], ["NCLT"]),
         (["{root}", "--pairs", "0"], ["--pairs: 0"]),
+        (["{root}", "--methods", "rign"], ["--methods: 'rign'", "ring_plus_plus"]),
+        (["{root}", "--methods", "ssc"], ["--methods: ssc needs points with labels"]),
+        (["{root}", "--checkpoint", "no.ckpt"], ["no.ckpt"]),
         (["{root}", "--seed", "-1"], ["--seed: -1"]),
         (["{root}", "--translation", "71"], ["--translation: 71", "70"]),
         (["{root}", "--translation", "nan"], ["--translation: nan"]),

@@ -53,7 +53,7 @@ def test_tables_come_of_one_command_and_a_second_start_trains_nothing(
     written = {path.name for path in (sweep / "tables").iterdir()}
     assert {"table1.md", "further.tex", "comparison.csv", "pr_curves.png"} <= written
     again = deepring(*learned, cwd=tmp_path)
-    assert "finished before: skipped" in again.stdout
+    assert "finished before: skipped" in again.stderr
     # The kept descriptors give the same figures without scans or network; re-ranking needs scans.
     scored = deepring("score", job, "-o", "again.csv", cwd=tmp_path)
     assert scored.returncode == 0, scored.stderr
@@ -78,7 +78,7 @@ def test_every_fixed_method_is_run_but_those_that_need_labels(tiny_custom, tmp_p
     done = deepring("compare", "--learned=", "--fixed", "all", *data, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("fixed        ")
-    assert "left out 1: ssc (needs labels, which sim_custom lacks)" in done.stdout
+    assert "left out 1: ssc (needs labels, missing in sim_custom)" in done.stdout
     (methods,) = [word for word in sweeps[0] if word.startswith("method=")]
     assert {"ring", "m2dp_signs"} <= set(methods.removeprefix("method=").split(","))
     assert "ssc" not in methods

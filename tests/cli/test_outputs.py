@@ -18,6 +18,7 @@ WRITERS = (
     ("export", "shipped"),
     ("simulate", "nclt"),
     ("case-study", "drive"),
+    ("properties", "drive"),
     ("tables", "run"),
     ("report", "run"),
     ("score", "run"),

@@ -179,6 +179,8 @@ BESIDE = {
     "sampling=pairs": ["loss=contrastive"],
     "loss=contrastive": ["sampling=pairs"],
     "loss=soft_match": ["sampling=pairs"],
+    "loss=overlap_and_turn": ["sampling=overlaps", "method=overlapnet"],
+    "sampling=overlaps": ["loss=overlap_and_turn", "method=overlapnet"],
     "loss=batch_hard": ["sampling=batch_hard"],
     "loss=batch_softmax": ["sampling=batch_hard"],
     "loss=batch_softmax_with_turn": ["sampling=batch_hard"],

@@ -68,7 +68,7 @@ def test_a_stand_in_takes_the_place_of_a_network_whose_labels_are_not_there():
     assert "rinet_small" in every_method("learned", ENTRIES, have_all).names
     choice = every_method("learned", ENTRIES, have_none)
     assert "rinet_heights" in choice.names
-    assert "rinet_small (needs labels, which yard lacks)" in str(choice)
+    assert "rinet_small (needs labels, missing in yard)" in str(choice)
 
 
 def test_what_is_added_to_the_folder_is_found(tmp_path):
@@ -83,7 +83,7 @@ def test_what_is_added_to_the_folder_is_found(tmp_path):
     )
     assert every_method("learned", entries, have_all).names == ["own_small"]
     fixed = every_method("fixed", entries, have_none)
-    assert str(fixed) == "1 method; left out 1: classes (needs labels, which yard lacks)"
+    assert str(fixed) == "1 method; left out 1: classes (needs labels, missing in yard)"
     with pytest.raises(ConfigError, match=r"fixed: all, expected at least one method; 0 methods"):
         every_method("fixed", [e for e in entries if e.name == "classes"], have_none)
 

@@ -79,7 +79,7 @@ def test_a_trainer_s_values_are_checked(key, wrong, right):
 
 def test_a_callback_waits_for_a_value_that_is_logged(composed, tmp_path):
     def trainer(*overrides, validation=("nclt",)):
-        cfg = composed("data.root=/nowhere", f"paths.run={tmp_path}", "logger=null", *overrides)
+        cfg = composed("data.root=/nowhere", f"paths.run={tmp_path}", "~logger", *overrides)
         return build.trainer(cfg, tmp_path, validation=validation)
 
     said = r"callbacks\.checkpoint\.monitor: 'nope', expected one of val/recall@1, val/nclt/recall"

@@ -23,6 +23,12 @@ TINY_METHODS = {
         *("sampling.negatives=2", "sampling.hard=1", "sampling.hard_from=0"),
         *("sampling.negative_radius=20", "sampling.per_epoch=2"),
     ),
+    "lpdnet": (
+        *("method.raster.count=64", "method.raster.neighbours=[6,10]", "method.neighbours=4"),
+        *("method.second=[8,8]", "method.clusters=2", "method.transform_widths=[8]"),
+        *("sampling.negatives=2", "sampling.hard=1", "sampling.hard_from=0"),
+        *("sampling.negative_radius=20", "sampling.per_epoch=2"),
+    ),
     "disco": (
         *("method.widths=[2,2]", "sampling.positive_radius=10", "sampling.negative_radius=20"),
         *("sampling.negatives=2", "sampling.hard=1", "sampling.hard_from=0"),

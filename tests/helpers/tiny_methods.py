@@ -11,6 +11,7 @@ from deepring.methods.fast_histogram import FastHistogram
 from deepring.methods.lcdnet import LcdNet, LcdNetSettings
 from deepring.methods.lidar_iris import LidarIris
 from deepring.methods.locnet import LocNet, LocNetSettings
+from deepring.methods.lpdnet import LpdNet, LpdNetSettings
 from deepring.methods.m2dp import M2dp
 from deepring.methods.overlapnet import OverlapNet, OverlapNetSettings
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
@@ -27,6 +28,7 @@ from deepring.rasters import (
     HeightRaster,
     HistogramRaster,
     IrisRaster,
+    PointFeaturesRaster,
     PointsRaster,
     PolarContextRaster,
     Preprocessing,
@@ -47,6 +49,7 @@ HEIGHTS = HeightRaster(layers=2, sectors=24, rings=16)
 IRIS = IrisRaster(sectors=72, rings=20)
 POLAR_CONTEXT = PolarContextRaster(sectors=24, rings=8, least=1)
 POINTS = PointsRaster(count=64)
+POINT_FEATURES = PointFeaturesRaster(count=64, neighbours=(6, 10))
 CLASSES = SemanticPointsRaster(sectors=36, rings=10, count=300)
 RANGES = RangeNormalRaster(
     sectors=64, rows=12, elevation=(-25, 30), viewpoint=1.8, normals="radial"
@@ -81,6 +84,15 @@ def pointnetvlad():
     return PointNetVlad(settings)
 
 
+def lpdnet():
+    torch.manual_seed(0)
+    settings = LpdNetSettings(
+        raster_settings(POINT_FEATURES), first=(8,), graph=(8,), spatial=(8,), second=(8, 16),
+        neighbours=4, transform_widths=(8,), transform_hidden=(8,), clusters=2, dimension=16,
+    )  # fmt: skip
+    return LpdNet(settings)
+
+
 def egonn():
     torch.manual_seed(0)
     return EgoNnGlobal(EgoNnSettings(raster_settings(VOXELS), widths=(4, 4), global_levels=(2,)))
@@ -108,25 +120,13 @@ TINY_OVERLAPNET = OverlapNetSettings(
     layers=((5, 5, 2, 2, 4), (4, 3, 1, 1, 6)),
     circular=True,
     block=8,
-    widths=(8, 4, 4),
+    widths=(8, 8, 8),
 )
 
 
 def overlapnet(**changes):
-    """Each difference of a column from the one it should be makes an overlap smaller."""
     torch.manual_seed(0)
-    method = OverlapNet(replace(TINY_OVERLAPNET, **changes))
-    head, block = method.head, TINY_OVERLAPNET.block
-    with torch.no_grad():
-        for layer in (head.across, head.along, head.around, head.last):
-            layer.weight.zero_()
-        for k in range(block):
-            head.across.weight[k, :, 0, k] = 1.0
-            head.along.weight[:, k, k, 0] = 1.0
-        head.around.weight[:, :, 1, 1] = 0.1
-        side = method.columns // block - 2
-        head.last.weight.view(-1, side, side)[:] = -0.1 * torch.eye(side)
-    return method.eval()
+    return OverlapNet(replace(TINY_OVERLAPNET, **changes)).eval()
 
 
 TINY = {
@@ -142,6 +142,7 @@ TINY = {
     "ssc": lambda: Ssc(CLASSES),
     "disco": disco,
     "pointnetvlad": pointnetvlad,
+    "lpdnet": lpdnet,
     "egonn": egonn,
     "locnet": locnet,
     "overlapnet": overlapnet,

@@ -77,6 +77,8 @@ def small(name):
         case "locnet":
             raster = raster_settings(RingHistogramRaster(rows=16, buckets=16))
             return LocNet(LocNetSettings(raster, channels=(2, 2), dimension=4))
+        case "lpdnet":
+            return TINY["lpdnet"]()
         case "rinet":
             raster = raster_settings(HeightRangesRaster(sectors=12, bands=4))
             return RINet(RINetSettings(raster, widths=(2, 4), steps=(3,), hidden=4))
@@ -103,7 +105,10 @@ def small(name):
 
 METHODS = (
     *("deepring", "deepring l2", "ring", "ring published", "ring++", "scan context", "disco"),
-    *("pointnetvlad", "egonn", "locnet", "rinet", "overlapnet", "lcdnet"),
+    *("pointnetvlad", "egonn", "locnet", "rinet"),
+    "lcdnet",
+    "lpdnet",
+    "overlapnet",
     *("fast histogram", "m2dp", "lidar iris", "polar context", "cart context"),
 )
 

@@ -39,7 +39,7 @@ def images(n=2):
 def test_written_and_read_it_describes_the_same(tmp_path):
     network = small()
     write_network(tmp_path / "a.safetensors", TrainedNetwork(network, "campus", "CrossEntropy"))
-    again, trained_on, loss = load_network(tmp_path / "a.safetensors")
+    again, trained_on, loss, _ = load_network(tmp_path / "a.safetensors")
     assert torch.equal(again.describe(images()), network.describe(images()))
     assert (trained_on, loss) == ("campus", "CrossEntropy")
     assert not again.training

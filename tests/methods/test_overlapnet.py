@@ -156,8 +156,19 @@ def test_only_candidates_are_compared():
 
 
 def test_it_is_a_method():
-    for candidates in (None, 3):
-        assert check_method(TINY["overlapnet"](candidates=candidates)) == {}
+    for changes in ({}, {"candidates": 3}, {"aligned": True}):
+        assert check_method(TINY["overlapnet"](**changes)) == {}
+
+
+def test_aligned_columns_overlap_whatever_the_turn():
+    plain, aligned = TINY["overlapnet"](), TINY["overlapnet"](aligned=True)
+    scans = [walls(k) for k in range(4)]
+    entries = described(plain, *scans)
+    queries = described(plain, *(turn_points(points, math.pi / 2) for points in scans))
+    same = aligned.compare(entries, entries).score.diagonal()
+    assert torch.allclose(aligned.compare(queries, entries).score.diagonal(), same, atol=0.01)
+    fallen = plain.compare(queries, entries).score.diagonal()
+    assert (fallen < same - 0.05).all()  # as published, a turn is less overlap
 
 
 @pytest.mark.parametrize(

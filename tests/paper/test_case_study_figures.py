@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from deepring.errors import DeepringError
-from deepring.paper.case_study import NAMES, ErrorRow, Motion, TwinPair, View
+from deepring.paper.case_study import DRAWN, NAMES, ErrorRow, TwinPair, View
 from deepring.paper.case_study_figures import error_figure, pair_figure
+from deepring.paper.moved_scans import Motion
 from deepring.reports.style import save
 
 EXTENT = 70.0
@@ -17,14 +18,14 @@ def pair():
     bevs[:, 7, 6] = True  # far forward, to the left
     views = tuple(
         View(name, rng.random((2, 12, 8)), rng.random((2, 12, 5)), rng.random((12, 5)), error)
-        for name, error in zip(NAMES, (0.12, 0.71), strict=True)
+        for name, error in zip(DRAWN, (0.12, 0.71), strict=True)
     )
     return TwinPair(Motion(-90.0, (3.0, 4.0)), bevs, EXTENT, views)
 
 
 def rows(unrelated=True):
     made = []
-    for name, level in zip(NAMES, (0.1, 0.5), strict=True):
+    for name, level in zip(NAMES, (0.1, 0.5, 0.6), strict=True):
         for kind, values, unit in (
             ("translation", (0.0, 10.0, 20.0), "m"),
             ("rotation", (0.0, 7.5, 15.0, 22.5), "deg"),
@@ -91,7 +92,7 @@ def test_the_level_of_unrelated_scans_is_drawn_where_it_is_known():
             if line.get_linestyle() == "--" and len(line.get_ydata())
         ]
 
-    assert levels(error_figure(rows())) == pytest.approx([0.11, 0.51] * 2)
+    assert levels(error_figure(rows())) == pytest.approx([0.11, 0.51, 0.61] * 2)
     without = error_figure(rows(unrelated=False))
     assert levels(without) == []
     assert not any("unrelated" in text.get_text() for text in without.legends[0].get_texts())

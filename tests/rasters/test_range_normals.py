@@ -93,7 +93,7 @@ def test_a_turned_image_is_that_of_the_turned_scan(normals):
     assert (plain.mean() > 0.98) == (normals == "radial")
 
 
-def overlap_by_loop(raster, first, second, pose, tolerance=1.0):
+def overlap_by_loop(raster, first, second, pose, around, tolerance=1.0):
     low, high = raster.elevation
     seen = {}
     for s, r in np.argwhere(second > 0):
@@ -114,7 +114,15 @@ def overlap_by_loop(raster, first, second, pose, tolerance=1.0):
         if 0 <= row < raster.rows and away < raster.max_range:
             seen[sector, row] = min(seen.get((sector, row), np.inf), away)
     valid = np.argwhere(first > 0)
-    alike = [abs(seen.get((s, r), np.inf) - first[s, r]) < tolerance for s, r in valid]
+    steps = range(-around, around + 1)
+    alike = [
+        any(
+            abs(seen.get(((s + i) % raster.sectors, r + j), np.inf) - first[s, r]) < tolerance
+            for i in steps
+            for j in steps
+        )
+        for s, r in valid
+    ]
     return float(np.mean(alike))
 
 
@@ -131,12 +139,13 @@ def test_overlaps_are_those_of_a_loop_and_fall_with_the_distance():
     ranges = np.stack([SMALL(each, 0.0)[0] for each in scans]).astype(np.float32)
     ranges[3] = ranges[0]
     pairs = np.array([[0, k] for k in range(4)])
-    found = SMALL.overlaps(ranges, pairs, np.stack(moves))
-    for k, move in enumerate(moves):
-        assert found[k] == pytest.approx(
-            overlap_by_loop(SMALL, ranges[0], ranges[k], move), abs=0.005
-        )
-    assert found[0] == 1.0
+    strict, found = (SMALL.overlaps(ranges, pairs, np.stack(moves), 1.0, n) for n in (0, 1))
+    for around, values in enumerate((strict, found)):
+        for k, move in enumerate(moves):
+            expected = overlap_by_loop(SMALL, ranges[0], ranges[k], move, around)
+            assert values[k] == pytest.approx(expected, abs=0.005)
+    assert strict[0] == found[0] == 1.0
+    assert (found >= strict).all()
     assert found[3] == 0.0
     assert 1 > found[1] > found[2] > 0
     # The usual misreading, the pose the other way round, overlaps less.

@@ -44,7 +44,7 @@ def seconds(action):
 
 
 def test_the_logger_of_a_training_closes_soon_after_ctrl_c(tmp_path):
-    config = OmegaConf.to_container(OmegaConf.load(config_folder() / "base.yaml"))["logger"]
+    config = OmegaConf.to_container(OmegaConf.load(config_folder() / "logger/tensorboard.yaml"))
     values = {key: value for key, value in config.items() if key != "_target_"}
     logger = TensorBoardLogger(**{**values, "save_dir": str(tmp_path)})
     interrupt(logger.experiment, lambda x: logger.log_metrics({"loss": x}))

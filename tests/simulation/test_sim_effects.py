@@ -19,7 +19,7 @@ from deepring.simulation.rain import extinction
 from deepring.simulation.scene import Scene
 from deepring.simulation.sensor_models import SENSORS
 from deepring.simulation.sensors import scan, scan_in_motion
-from deepring.simulation.shapes import PointClass, PrismList
+from deepring.simulation.shapes import GROUNDS, PointClass, PrismList
 from deepring.simulation.simulate import session_names, simulate
 from helpers.raycasts import random_prisms, reference
 from helpers.scenes import flat_ground
@@ -59,7 +59,7 @@ def test_a_rosettes_points_are_the_first_surfaces_on_their_rays(name, upside_dow
     # The reference solves for each ray anew: at an edge it may just pass by.
     assert (np.abs(expected[:, 0] - level) < 1e-6 * level).mean() > 0.999
     assert Counter(sweep.labels[sweep.valid].tolist()).keys() == {
-        int(PointClass.GROUND),
+        int(PointClass.ROAD),
         int(PointClass.OTHER),
     }
 
@@ -165,7 +165,7 @@ def test_motion_is_that_of_the_drive_and_its_times_are_in_the_file(tmp_path):
     world = np.einsum("nij,nj->ni", (poses @ scene.sensors[0].mount)[:, :3, :3], rows[:, :3])
     world += (poses @ scene.sensors[0].mount)[:, :3, 3]
     height = world[:, 2] - scene.world.ground.height(world[:, 0], world[:, 1])
-    ground = sweep.labels[sweep.valid] == PointClass.GROUND
+    ground = np.isin(sweep.labels[sweep.valid], GROUNDS)
     assert np.abs(height[ground & (np.hypot(*rows[:, :2].T) < 20)]).max() < 0.1
     read = open_session("custom", root / "drive.yaml", "map")
     np.testing.assert_allclose(read.read(files[2]), rows[:, :3])
@@ -218,7 +218,7 @@ def test_labels_are_beside_the_scans_in_the_order_of_their_points(name, tmp_path
         body = pose if name == "nclt" else pose @ sensor.mount
         world = points @ body[:3, :3].T + body[:3, 3]
         height = world[:, 2] - scene.world.ground.height(world[:, 0], world[:, 1])
-        assert np.median(np.abs(height[labels == PointClass.GROUND])) < 0.05
+        assert np.median(np.abs(height[np.isin(labels, GROUNDS)])) < 0.05
         assert np.median(height[labels == PointClass.BUILDING]) > 0.8
 
 

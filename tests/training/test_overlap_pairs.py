@@ -62,7 +62,7 @@ def test_half_of_the_partners_are_near_and_all_are_of_the_same_dataset():
 
 
 def test_batches_are_even_over_the_overlap_and_their_turns_are_of_the_points():
-    scheme = OverlapScheme(pairs=40, partners=11, bins=8, turned=True)
+    scheme = OverlapScheme(pairs=40, partners=11, bins=8, around=0, turned=True)
     made = scheme.training_set(street(step=0.5), seed=1)
     part = np.concatenate([np.floor(made[k].overlap.numpy() * 8).clip(max=7) for k in range(10)])
     shares = [(part == k).mean() for k in range(8) if (made.overlaps * 8 // 1 == k).any()]

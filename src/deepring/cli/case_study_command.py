@@ -1,42 +1,37 @@
-"""`deepring case-study`: how SG and PG change with rotation and translation."""
+"""`deepring case-study`: how representations change with rotation and translation, and methods."""
 
 import argparse
 import math
-from collections.abc import Callable, Iterator, Sequence
-from itertools import chain
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+from itertools import chain, islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 
 from deepring.cli.console import console
+from deepring.cli.json_output import print_as
+from deepring.cli.named_methods import NamedMethods, named_methods
 from deepring.cli.options import expect_folder
-from deepring.data.readers import (
-    binary_formats,
-    detect_format,
-    ground_of,
-    list_sessions,
-    open_session,
-)
-from deepring.data.readers.custom.drive_file import is_drive_file
-from deepring.data.scans.returns import scan_from
+from deepring.cli.study_scans import Source, expect_scans, readable, source_of
 from deepring.data.session import Points
-from deepring.errors import BrokenScanError, ConfigError, DataError, FileError
+from deepring.errors import ConfigError
+from deepring.experiment.every_method import left_out_text
 from deepring.paper.case_study import (
-    NAMES,
     ErrorRow,
     Kind,
-    Motion,
-    Position,
     TwinPair,
     case_pair,
     measure,
     write_errors,
 )
 from deepring.paper.case_study_figures import error_figure, pair_figure
+from deepring.paper.method_curves import curves_figure, method_rows
+from deepring.paper.moved_scans import Motion, Position, Scan
 from deepring.progress import progress_bar
 from deepring.rasters import BevRaster
 from deepring.reports.style import save
@@ -52,42 +47,73 @@ COLUMNS: tuple[tuple[Kind, float | None, str], ...] = (
 )
 
 
-class Source(NamedTuple):
-    """Scan files, with the positions of their scans."""
-
-    title: str
-    format: str
-    read: Callable[[Path], Points]
-    ground_z: float
-    files: Sequence[Path]
-    positions: NDArray[np.float64] | None  # (n, 2) metres; None for scans without poses
-
-
 def case_study_command(args: argparse.Namespace) -> None:
-    """Write two figures and a CSV file, and print a summary."""
+    """Write figures and CSV files, and print a summary."""
     _check(args)
-    source = _source(args.paths, args.format, args.session)
+    source = source_of(args.paths, args.format, args.session)
+    methods = named_methods(args.methods, args.checkpoint, source.columns, args.seed)
     complaints: list[str] = []
-    scans = _readable(source, args.seed, complaints)
-    first = next(scans, None)
-    if first is None:
-        raise DataError(
-            f"{source.title}: none of its {len(source.files)} scans can be used "
-            f"(first: {complaints[0]})"
-        )
-    pair = case_pair(first[0], _motion(args), source.ground_z, args.seed)
+    scans = readable(source, args.seed, complaints, methods.columns)
+    first = list(islice(scans, 1))
+    expect_scans(source, first, complaints)
+    pair = case_pair(first[0].points[:, :3], _motion(args), source.ground_z, args.seed)
     repeats = math.ceil(args.pairs / len(source.files))
+    taken: list[Scan] = []  # by the representations, and by the methods once more
     with progress_bar("moving scans") as progress:
-        usable = chain([first], scans)
+        usable = _noted(chain(first, scans), taken if methods.by_name else None)
         rows = measure(usable, source.ground_z, args.pairs, repeats, args.seed, progress)
     figures = {
         "case_study.png": pair_figure(pair),
         "case_study_error.png": error_figure(rows, source.title),
     }
+    of_methods = _method_rows(source, methods, taken, repeats, args)
+    if of_methods:
+        figures["case_study_methods.png"] = curves_figure(of_methods, source.title)
     for name, figure in figures.items():
         save(figure, args.output / name)
-    write_errors(args.output / "case_study.csv", rows)
-    _report(source, pair, rows, complaints, args.output)
+    tables = {"case_study.csv": rows, "case_study_methods.csv": of_methods}
+    written = [*figures, *(name for name, of in tables.items() if of)]
+    for name, of in tables.items():
+        if of:
+            write_errors(args.output / name, of)
+
+    def text() -> None:
+        _report(source, pair, rows, complaints)
+        if of_methods:
+            _report_methods(of_methods, methods.left_out)
+        console.print(f"written      {args.output}/{', '.join(written)}")
+
+    paths = [args.output / name for name in written]
+    content = partial(_content, source, pair, rows, of_methods, complaints, paths)
+    print_as(args, "case_study", content, text)
+
+
+def _noted(
+    scans: Iterable[Scan], taken: list[Scan] | None
+) -> Iterator[tuple[Points, Position | None]]:
+    """The scans as `measure` takes them; each that is taken is noted."""
+    for scan in scans:
+        if taken is not None:
+            taken.append(scan)
+        yield scan.points[:, :3], scan.place.position
+
+
+def _method_rows(
+    source: Source,
+    methods: NamedMethods,
+    taken: Sequence[Scan],
+    repeats: int,
+    args: argparse.Namespace,
+) -> list[ErrorRow]:
+    """What each method loses, on the scans of the representations."""
+    scans = [scan for scan in taken for _ in range(repeats)][: args.pairs]
+    rows: list[ErrorRow] = []
+    for name, method in methods.by_name.items():
+        with progress_bar(f"{name}: moving scans") as progress:
+            rows += method_rows(
+                name, method, scans, source.ground_z, methods.columns, args.seed, progress
+            )
+    return rows
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -100,74 +126,6 @@ def _check(args: argparse.Namespace) -> None:
     expect_folder(args.output)
 
 
-def _source(paths: Sequence[Path], format: str | None, session: str | None) -> Source:
-    if len(paths) == 1 and (is_drive_file(paths[0]) or not paths[0].is_file()):
-        return _dataset(paths[0], format, session)
-    missing = [str(path) for path in paths if not path.is_file()]
-    if missing:
-        raise FileError(f"{missing[0]}: not a file, expected one dataset, or only scan files")
-    formats = binary_formats()
-    if format is None or format not in formats:
-        raise ConfigError(
-            f"{paths[0]}: a scan file without its format, expected it; give --format, one of "
-            + ", ".join(formats)
-        )
-    if session is not None:
-        raise ConfigError(
-            f"--session {session}: expected only with the folder of a dataset; leave it out"
-        )
-    if len({path.resolve() for path in paths}) < len(paths):
-        raise ConfigError("FILE: the same file twice, expected scans of different places")
-    title = ", ".join(path.name for path in paths)
-    scans = formats[format]
-    return Source(title, format, scans.read, scans.ground_z, paths, None)
-
-
-def _dataset(root: Path, format: str | None, name: str | None) -> Source:
-    format = format or detect_format(root)
-    names = list_sessions(format, root)
-    if name is not None and name not in names:
-        raise ConfigError(f"--session {name}: not in {root}, expected one of {', '.join(names)}")
-    session = open_session(format, root, name or names[0])
-    folder = root.resolve().name
-    title = folder if folder == session.name else f"{folder}, {session.name}"
-    ground_z = ground_of(session, format)
-    return Source(title, format, session.read, ground_z, session.files, session.positions)
-
-
-def _readable(
-    source: Source, seed: int, complaints: list[str]
-) -> Iterator[tuple[Points, Position | None]]:
-    """The scans of a dataset in random order; messages about broken ones go to ``complaints``.
-
-    Scan files keep their order, and a broken one is an error.
-    """
-    order = list(range(len(source.files)))
-    if source.positions is not None:
-        order = np.random.default_rng(seed).permutation(order).tolist()
-    for k in order:
-        try:
-            points = _points(source, source.files[k])
-        except BrokenScanError as error:
-            if source.positions is None:
-                raise
-            complaints.append(str(error))
-            continue
-        yield points, None if source.positions is None else source.positions[k]
-
-
-def _points(source: Source, file: Path) -> Points:
-    """The points of a scan. Raises BrokenScanError if none of them is in the bird's-eye view."""
-    points = scan_from(source.read(file), file).points
-    bev = BevRaster()
-    if not bev(points, source.ground_z).any():
-        raise BrokenScanError(
-            f"{file}: {len(points)} points as {source.format}, expected some above the ground "
-            f"within {bev.extent:g} m; check the file and --format"
-        )
-    return points
-
-
 def _motion(args: argparse.Namespace) -> Motion:
     rng = np.random.default_rng(args.seed)
     yaw, direction = rng.uniform(0, 360), rng.uniform(0, 2 * math.pi)
@@ -175,29 +133,63 @@ def _motion(args: argparse.Namespace) -> Motion:
     return Motion(yaw if args.rotation is None else args.rotation, shift)
 
 
-def _report(
+def _content(
     source: Source,
     pair: TwinPair,
     rows: Sequence[ErrorRow],
+    of_methods: Sequence[ErrorRow],
     complaints: Sequence[str],
-    output: Path,
+    written: Sequence[Path],
+) -> dict[str, Any]:
+    """What the command tells, for the schema ``case_study``."""
+    return {
+        "source": source.title,
+        "format": source.format,
+        "pairs": rows[0].n,
+        "errors": [asdict(row) for row in rows],
+        "methods": [asdict(row) for row in of_methods],
+        "pair": {
+            "yaw_deg": float(pair.motion.yaw_deg),
+            "metres": math.hypot(*pair.motion.shift),
+            "errors": {view.name: float(view.error) for view in pair.views},
+        },
+        "left_out": list(complaints),
+        "written": list(written),
+    }
+
+
+def _report(
+    source: Source, pair: TwinPair, rows: Sequence[ErrorRow], complaints: Sequence[str]
 ) -> None:
-    means = {(row.representation, row.kind, row.value): row for row in rows}
-    columns = [column for column in COLUMNS if (NAMES[0], column[0], column[1]) in means]
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column("mean error")
-    for *_, header in columns:
-        table.add_column(header, justify="right")
-    for name in NAMES:
-        cells = (f"{means[name, kind, value].mean:.3f}" for kind, value, _ in columns)
-        table.add_row(name, *cells)
     console.print(f"{source.title}: {rows[0].n} pairs, at random headings")
-    console.print(table)
+    columns = _print_means("mean error", rows)
     metres = math.hypot(*pair.motion.shift)
     errors = ", ".join(f"{view.name} {view.error:.3f}" for view in pair.views)
     console.print(f"drawn pair   turned {pair.motion.yaw_deg:.1f}°, moved {metres:g} m: {errors}")
-    if len(columns) < len(COLUMNS):
+    if columns < len(COLUMNS):
         console.print("unrelated    left out: no two scans of places far enough apart")
     if complaints:
         console.print(f"left out     {len(complaints)} broken scans (first: {complaints[0]})")
-    console.print(f"written      {output}/case_study.png, case_study_error.png, case_study.csv")
+
+
+def _report_methods(rows: Sequence[ErrorRow], left_out: Mapping[str, Sequence[str]]) -> None:
+    _print_means("mean loss", rows)
+    console.print("loss         0: as the scan itself, 1: as an unrelated scan")
+    if left_out:
+        console.print(left_out_text(left_out).replace("left out", "left out    ", 1))
+
+
+def _print_means(title: str, rows: Sequence[ErrorRow]) -> int:
+    """Print the means of each representation or method; return the number of columns."""
+    means = {(row.representation, row.kind, row.value): row for row in rows}
+    names = list(dict.fromkeys(row.representation for row in rows))
+    columns = [column for column in COLUMNS if (names[0], column[0], column[1]) in means]
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column(title)
+    for *_, header in columns:
+        table.add_column(header, justify="right")
+    for name in names:
+        cells = (f"{means[name, kind, value].mean:.3f}" for kind, value, _ in columns)
+        table.add_row(name, *cells)
+    console.print(table)
+    return len(columns)

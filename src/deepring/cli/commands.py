@@ -24,8 +24,9 @@ COMMANDS = {
     "train": _Command(
         run_options.add_train,
         "train a method and evaluate it, or run a sweep (-m)",
-        "Train a method and evaluate it. resume=CHECKPOINT goes on in that run's folder; -m runs "
-        "a sweep,\none job after the other, or as hydra/launcher= says.",
+        "Train a method and evaluate it. resume=CHECKPOINT goes on in that run's folder, "
+        "start_from=CHECKPOINT\nbegins a run with the weights of an earlier stage; -m runs a "
+        "sweep, one job after the other,\nor as hydra/launcher= says.",
         HydraParser,
         partial(run_options.config_help, "train"),
     ),
@@ -64,7 +65,15 @@ COMMANDS = {
         dataset_options.add_case_study,
         "compare sinograms (SG) with polar grams (PG)",
         "Move scans by known rotations and translations, and compare how much the DFT magnitudes "
-        "of sinograms (SG) and of polar grams (PG) change.",
+        "of sinograms (SG), of polar grams (PG) and of range images (RI) change; with --methods, "
+        "how much the scores of methods do.",
+    ),
+    "properties": _Command(
+        dataset_options.add_properties,
+        "measure what methods bear, tell and cost",
+        "Move scans by known turns and shifts, and measure for each method what these cost, what "
+        "it tells of turn and pose, the size of its descriptors, its parameters and its time. "
+        "Written are tables as Markdown and LaTeX, and all numbers as CSV.",
     ),
     "map": _Command(
         place_options.add_map,
@@ -116,6 +125,12 @@ COMMANDS = {
         "say what is installed, what fails, and what is slow",
         "Print versions, threads, GPU, folders, and measured times, to paste into a bug report. "
         "Exits with 1 if something makes commands fail.",
+    ),
+    "schema": _Command(
+        help_options.add_schema,
+        "print the JSON schema of an output, or of drive.yaml",
+        "Print a JSON Schema: of what commands print with --as json, or of drive.yaml "
+        "(drive_file).",
     ),
 }
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from deepring.cli.options import add_format, add_metres, add_output, add_session
+from deepring.cli.options import add_form, add_format, add_metres, add_output, add_session
 from deepring.cli.parser import Parser, number, subcommands, whole
 
 
@@ -14,6 +14,7 @@ def add_simulate(parser: Parser) -> None:
     parser.add_argument(
         "--workers", type=whole(1), default=2, help="number of processes (%(default)s)"
     )
+    add_form(parser, "text")
     parser.add_argument("knobs", nargs="*", metavar="KNOB=VALUE")
     parser.runs("deepring.cli.simulate_command:simulate_command", root="--output")
 
@@ -39,18 +40,45 @@ def add_data(parser: Parser) -> None:
     checker.add_argument("root", type=Path, metavar="FOLDER")
     add_format(checker)
     add_session(checker, "check only this session")
-    checker.add_argument(
-        "--as",
-        dest="form",
-        choices=("table", "json"),
-        default="table",
-        help="output format: %(choices)s (%(default)s)",
-    )
+    add_form(checker)
     checker.runs("deepring.cli.data_command:data_command")
 
 
 def add_case_study(parser: Parser) -> None:
     """``deepring case-study DATASET | --format NAME FILE...``."""
+    _add_scans(parser)
+    parser.add_argument(
+        "--pairs",
+        type=whole(1),
+        default=64,
+        help="pairs of scans in the error curves (%(default)s)",
+    )
+    _add_methods(parser, "none")
+    add_metres(parser, "--translation", 10.0, "metres between the pair in the figure")
+    parser.add_argument(
+        "--rotation",
+        type=number(unit="degrees"),
+        metavar="DEG",
+        help="turn of the pair in the figure (random)",
+    )
+    _add_folder(parser, "outputs/case_study")
+    add_form(parser)
+    parser.runs("deepring.cli.case_study_command:case_study_command")
+
+
+def add_properties(parser: Parser) -> None:
+    """``deepring properties DATASET | --format NAME FILE...``."""
+    _add_scans(parser)
+    parser.add_argument(
+        "--scans", type=whole(2), default=16, help="number of scans that are moved (%(default)s)"
+    )
+    _add_methods(parser, "all")
+    _add_folder(parser, "outputs/properties")
+    add_form(parser)
+    parser.runs("deepring.cli.properties_command:properties_command")
+
+
+def _add_scans(parser: Parser) -> None:
     parser.add_argument(
         "paths",
         nargs="+",
@@ -60,26 +88,32 @@ def add_case_study(parser: Parser) -> None:
     )
     add_session(parser, "session of the dataset (the first)")
     add_format(parser)
+
+
+def _add_methods(parser: Parser, default: str) -> None:
     parser.add_argument(
-        "--pairs",
-        type=whole(1),
-        default=64,
-        help="pairs of scans in the error curves (%(default)s)",
+        "--methods",
+        metavar="NAMES",
+        help="methods of conf/method, separated by commas, or all of them in their CPU sizes; "
+        f"networks have random weights ({default})",
+    )
+    parser.add_argument(
+        "--checkpoint",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="a trained network beside them; may be given several times",
     )
     parser.add_argument("--seed", type=whole(0), default=0, help="random seed (%(default)s)")
-    add_metres(parser, "--translation", 10.0, "metres between the pair in the figure")
-    parser.add_argument(
-        "--rotation",
-        type=number(unit="degrees"),
-        metavar="DEG",
-        help="turn of the pair in the figure (random)",
-    )
+
+
+def _add_folder(parser: Parser, default: str) -> None:
     parser.add_argument(
         "-o",
         "--output",
         type=Path,
-        default=Path("outputs/case_study"),
+        default=Path(default),
         metavar="FOLDER",
         help="where to write (%(default)s)",
     )
-    parser.runs("deepring.cli.case_study_command:case_study_command")

@@ -33,7 +33,7 @@ class Case:
                 raise ConfigError(f"{name}: {text!r}, expected a str without control characters")
 
     def __str__(self) -> str:
-        trained = f" trained on {self.train}" if self.train else ""
+        trained = f" trained on {self.trained_on}" if self.train else ""
         return f"{self.method}{trained}, tested on {self.place}"
 
     @property

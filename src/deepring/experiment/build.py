@@ -12,14 +12,15 @@ from typing import Any, cast, get_type_hints
 import lightning as L
 import torch
 from lightning.pytorch.callbacks import Callback, LearningRateMonitor
-from lightning.pytorch.loggers import Logger
 
 from deepring.checks import of_type
 from deepring.data.cache import RasterCache
 from deepring.data.dataset import DatasetConfig, PlaceDataset
 from deepring.errors import ConfigError
 from deepring.experiment.config import Config
+from deepring.experiment.loggers import make_logger
 from deepring.experiment.objects import make, target_of
+from deepring.experiment.start import NOTHING, TrainedBefore
 from deepring.experiment.trainer_values import check_trainer
 from deepring.io.typed import typed, typed_values
 from deepring.methods.method import Method
@@ -166,8 +167,14 @@ def datamodule(cfg: Config, datasets: list[PlaceDataset], raster: Raster) -> Pla
     )
 
 
-def module(cfg: Config, datasets: list[PlaceDataset], network: NetworkMethod) -> PlaceModule:
+def module(
+    cfg: Config,
+    datasets: list[PlaceDataset],
+    network: NetworkMethod,
+    trained_before: TrainedBefore = NOTHING,
+) -> PlaceModule:
     """The network under training."""
+    names = [*trained_before.datasets, *(dataset.name for dataset in datasets)]
     check_optimizer(cfg)
     return PlaceModule(
         network,
@@ -177,7 +184,9 @@ def module(cfg: Config, datasets: list[PlaceDataset], network: NetworkMethod) ->
         optimizer=partial(make, cfg.optimizer, "optimizer"),
         scheduler=None if cfg.scheduler is None else partial(make, cfg.scheduler, "scheduler"),
         radius=cfg.evaluation.radii[0],
-        trained_on="+".join(dataset.name for dataset in datasets),
+        trained_on="+".join(dict.fromkeys(names)),
+        parts=cfg.trained_parts,
+        trained_before=trained_before.parts,
     )
 
 
@@ -218,17 +227,14 @@ def trainer(
         for node in nodes.values():
             node.pop("monitor", None)
     callbacks = [make(node, f"callbacks.{name}") for name, node in nodes.items()]
-    if "progress" not in nodes:
-        callbacks.append(EpochLines())
-    callbacks.append(BetweenEpochs())
-    logger: Logger | bool = False if cfg.logger is None else make(cfg.logger, "logger")
+    callbacks += [EpochLines(), BetweenEpochs()]
     return make(
         cfg.trainer,
         "trainer",
         callbacks=[*callbacks, *further],
         # Without a bar of its own Lightning would draw another.
         enable_progress_bar="progress" in nodes,
-        logger=logger,
+        logger=make_logger(cfg.logger),
         default_root_dir=str(folder),
         # Each process draws its own batches; see BatchOrder.
         use_distributed_sampler=False,

@@ -112,6 +112,11 @@ class Config:
     evaluate: bool = True
     #: Test regions that hold training scans: 'refuse', 'leave_out' or 'allow'.
     overlap: str = "refuse"
+    #: Begin a training with the weights of this checkpoint, which an earlier stage trained.
+    start_from: str | None = None
+    #: The parts of the network that are trained, such as [aggregate]; the others keep their
+    #: weights. null: all.
+    trained_parts: list[str] | None = None
     #: Resume training from this checkpoint.
     resume: str | None = None
     #: The trained network to evaluate; with null, only the other methods.

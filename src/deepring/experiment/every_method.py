@@ -28,10 +28,17 @@ class Choice:
 
     def __str__(self) -> str:
         taken = f"{len(self.names)} method{'s' if len(self.names) != 1 else ''}"
-        if not self.left_out:
-            return taken
-        parts = [f"{', '.join(names)} ({reason})" for reason, names in self.left_out.items()]
-        return f"{taken}; left out {sum(map(len, self.left_out.values()))}: {'; '.join(parts)}"
+        return f"{taken}; {left_out_text(self.left_out)}" if self.left_out else taken
+
+
+def left_out_text(left_out: Mapping[str, Sequence[str]]) -> str:
+    """What is left out and why, counted.
+
+    >>> left_out_text({"for a GPU": ["disco_gpu", "egonn_gpu"], "needs labels": ["ssc"]})
+    'left out 3: disco_gpu, egonn_gpu (for a GPU); ssc (needs labels)'
+    """
+    parts = [f"{', '.join(names)} ({reason})" for reason, names in left_out.items()]
+    return f"left out {sum(map(len, left_out.values()))}: {'; '.join(parts)}"
 
 
 def every_method(kind: Kind, entries: Sequence[Entry], lacking: Lacking) -> Choice:
@@ -73,9 +80,7 @@ def _served(
     for entry in entries:
         lost = [column for column in entry.columns if column in missing]
         if lost:
-            without = missing[lost[0]]
-            lack = "lacks" if len(without) == 1 else "lack"
-            reason = f"needs {lost[0]}s, which {' and '.join(without)} {lack}"
+            reason = f"needs {lost[0]}s, missing in {' and '.join(missing[lost[0]])}"
             left_out.setdefault(reason, []).append(entry.name)
         else:
             served.append(entry)

@@ -65,7 +65,7 @@ def plan_evaluation(
     build.check_training(cfg)
     network, trained_on, device = None, "", build.device(cfg)
     if checkpoint is not None:
-        network, trained_on, _ = load_network(checkpoint, own_class(cfg.method))
+        network, trained_on = load_network(checkpoint, own_class(cfg.method))[:2]
         _check_method(cfg.method, network, checkpoint)
         _log_settings(network, cfg.method, cfg.preprocessing)
         network.to(device)

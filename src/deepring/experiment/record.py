@@ -8,7 +8,7 @@ from deepring.experiment.config import Config
 from deepring.methods.network import NetworkMethod, class_path
 
 #: Keys of which nothing is used where nothing is trained.
-_OF_TRAINING = ("loss", "sampling", "augmentation", "optimizer", "scheduler")
+_OF_TRAINING = ("loss", "sampling", "augmentation", "optimizer", "scheduler", "trained_parts")
 
 
 def record_of(cfg: Config, network: NetworkMethod | None = None) -> dict[str, Any]:

@@ -16,9 +16,10 @@ from deepring.errors import ConfigError, StoppedError
 from deepring.evaluation.case import shortened
 from deepring.evaluation.pose_errors import PoseErrors
 from deepring.evaluation.results import Result
-from deepring.experiment import build
+from deepring.experiment import build, loggers
 from deepring.experiment.config import Config
 from deepring.experiment.evaluate import Evaluation, evaluate
+from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.plan import distance_to_training, plan_evaluation
 from deepring.experiment.record import record_of
 from deepring.experiment.run_folder import (
@@ -27,10 +28,15 @@ from deepring.experiment.run_folder import (
     link_latest,
     open_run_folder,
 )
+from deepring.experiment.start import (
+    NOTHING,
+    check_resume,
+    expect_no_start,
+    resumed_from,
+    start_from,
+)
 from deepring.experiment.status import Status, note_failure, write_status
 from deepring.methods.network import NetworkMethod
-from deepring.methods.network_file import load_network
-from deepring.paper.flat import flatten
 from deepring.training.datamodule import PlaceDataModule
 from deepring.training.module import PlaceModule
 
@@ -61,36 +67,47 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
     if cfg.checkpoint is not None:
         raise ConfigError(
             f"checkpoint: {cfg.checkpoint}, expected null in a training; `deepring evaluate` takes "
-            "it, and resume=CHECKPOINT goes on training from one"
+            "it, resume=CHECKPOINT goes on with its training, and start_from=CHECKPOINT begins a "
+            "new one with its weights"
         )
     L.seed_everything(cfg.seed, workers=True, verbose=False)
     method = build.method(cfg.method)
     if not isinstance(method, NetworkMethod):
+        expect_no_start(cfg)
         return _evaluate_alone(cfg, folder, latest=latest)
-    datasets = trains, _ = build.datasets(cfg)
+    datasets = trains, tests = build.datasets(cfg)
+    before, resumed = NOTHING, None
+    if cfg.resume is not None:  # its weights are those that the training goes on with
+        resumed, before = resumed_from(cfg.resume, method)
+    elif cfg.start_from is not None:
+        before = start_from(method, cfg.start_from)
     # Whatever would fail after the training fails now, before anything is written.
     if cfg.evaluate:
         splits = plan_evaluation(cfg, datasets=datasets, after=True).splits
-        check_overlap(cfg.overlap, trains, splits)
+        seen = [d for d in tests if d.name in before.datasets and d not in trains]
+        check_overlap(cfg.overlap, [*trains, *seen], splits)
     datamodule = build.datamodule(cfg, trains, method.raster)
-    module = build.module(cfg, trains, method)
-    if cfg.resume is not None:
-        _check_resume(cfg.resume, module)
+    module = build.module(cfg, trains, method, before)
+    if cfg.resume is not None and resumed is not None:
+        check_resume(cfg.resume, resumed, module)
     timer = Timer()
     further = [timer, LinkLatest(folder)] if latest else [timer]
     trainer = build.trainer(cfg, folder, validation=module.validation, further=further)
     with _run_of(cfg, folder):
         log.info(
             "training %d parameters of %s on %s",
-            sum(p.numel() for p in method.parameters()),
+            sum(p.numel() for p in method.parameters() if p.requires_grad),
             method.settings.label,
             shortened([dataset.name for dataset in trains], " + "),
         )
+        if trainer.is_global_zero:
+            loggers.begin(trainer.loggers, hyperparameters(record_of(cfg)))
         _fit(trainer, module, datamodule, cfg.resume, folder)
         checkpoint, score = _best_checkpoint(trainer, folder)
         found = Evaluation([], [])
         if cfg.evaluate and trainer.is_global_zero:
             found = evaluate(plan_evaluation(cfg, checkpoint, datasets), folder)
+            loggers.add_results(trainer.loggers, found.results)
         if trainer.is_global_zero:
             seconds = timer.time_elapsed("train")
             write_status(folder, Status("finished", score=score, seconds=seconds))
@@ -134,29 +151,6 @@ def _fit(
         trainer.fit(module, datamodule=datamodule, ckpt_path=resume, weights_only=True)
     except SystemExit:  # how Lightning ends on Ctrl-C
         raise StoppedError(_interrupted(folder)) from None
-
-
-def _check_resume(resume: str, module: PlaceModule) -> None:
-    """Raise ConfigError unless ``resume`` is a checkpoint of the same network and loss."""
-    if not resume.endswith(".ckpt"):
-        raise ConfigError(
-            f"resume: {resume}, expected the .ckpt of a run, which holds the state of the "
-            "training and not the network alone"
-        )
-    method, _, loss = load_network(resume, type(module.method))
-    saved, current = method.settings, module.method.settings
-    before = {"method": saved.label, **flatten(saved.to_dict()), "loss": loss}
-    now = {"method": current.label, **flatten(current.to_dict())}
-    now["loss"] = type(module.loss).__name__
-    differing = [name for name in {**now, **before} if now.get(name) != before.get(name)]
-    if "method" in differing:
-        differing = ["method"]
-    if differing:
-        raise ConfigError(
-            f"resume: {resume} was trained with other {', '.join(differing)}: "
-            + "; ".join(f"{name} {before.get(name)}, now {now.get(name)}" for name in differing)
-            + "; give the same overrides as for that run"
-        )
 
 
 def check_overlap(

@@ -105,6 +105,11 @@ class NetworkMethod(nn.Module, ABC):
         """The array of a scan that the network takes."""
         return self._raster
 
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of its modules that have weights: what a training may train alone."""
+        return tuple(name for name, part in self.named_children() if [*part.parameters()])
+
     @abstractmethod
     def compare(
         self, queries: Float[Tensor, " q *descriptor"], database: Float[Tensor, " d *descriptor"]

@@ -4,6 +4,7 @@ Lightning is not needed to read them. `shipped_network` is trained on simulated 
 do and what it cannot is in docs/model_card.md.
 """
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -21,6 +22,8 @@ from deepring.methods.network import NetworkMethod, as_network
 from deepring.methods.registry import method_class, method_name
 from deepring.text import shown
 
+log = logging.getLogger(__name__)
+
 #: What stands for the shipped network where a checkpoint is asked for.
 SHIPPED = "shipped"
 
@@ -34,6 +37,9 @@ class TrainedNetwork(NamedTuple):
     """Names of the training datasets, joined by '+'."""
     loss: str
     """Class name of the loss."""
+    untrained: tuple[str, ...] = ()
+    """Its parts that no training has trained, where a checkpoint tells; see
+    `deepring.methods.network.NetworkMethod.parts`. An exported file does not tell."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +81,22 @@ def load_network(checkpoint: Path | str, own_class: str | type | None = None) ->
     Raises:
         FileError: a file that is missing, that holds no whole checkpoint of this version, or one
             of a method that is not registered and is not ``own_class``.
+
+    Warns of parts that were never trained.
     """
+    network = load_stage(checkpoint, own_class)
+    if network.untrained:
+        log.warning(
+            "checkpoint %s: of %s the parts %s were not trained, and hold random weights",
+            checkpoint,
+            network.method.settings.label,
+            ", ".join(network.untrained),
+        )
+    return network
+
+
+def load_stage(checkpoint: Path | str, own_class: str | type | None = None) -> TrainedNetwork:
+    """`load_network` for going on with the training, without a warning of what is untrained."""
     if str(checkpoint) == SHIPPED:
         return shipped_network()
     path = Path(checkpoint)
@@ -83,11 +104,15 @@ def load_network(checkpoint: Path | str, own_class: str | type | None = None) ->
         return read_network(path, own_class)
     state = read_checkpoint(path)
     try:
-        header = typed(_NetworkHeader, _header_of(state), "checkpoint")
+        values = _header_of(state)
+        untrained = typed(tuple[str, ...], values.pop("untrained", []), "checkpoint.untrained")
+        values.pop("trained_parts", None)
+        header = typed(_NetworkHeader, values, "checkpoint")
         method = make_network(header.network, _weights_in(state), own_class)
     except DeepringError as error:
         raise FileError(f"checkpoint {path}: {error}") from error
-    return TrainedNetwork(method, header.trained_on, header.loss)
+    untrained = tuple(part for part in method.parts if part in untrained)
+    return TrainedNetwork(method, header.trained_on, header.loss, untrained)
 
 
 def _header_of(state: dict[str, Any]) -> dict[str, Any]:

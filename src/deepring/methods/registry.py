@@ -22,6 +22,7 @@ _METHODS: dict[str, str | type] = {
     "ssc": "deepring.methods.ssc.Ssc",
     "disco": "deepring.methods.disco.Disco",
     "pointnetvlad": "deepring.methods.pointnetvlad.PointNetVlad",
+    "lpdnet": "deepring.methods.lpdnet.LpdNet",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",
     "locnet": "deepring.methods.locnet.LocNet",
     "overlapnet": "deepring.methods.overlapnet.OverlapNet",

@@ -17,17 +17,22 @@ from deepring.errors import DataError
 class SharedMlp(nn.Sequential):
     """The same layers for every point: linear, batch norm, ReLU. (b, in, n) -> (b, out, n).
 
-    The linear layers have no bias, since batch norm has one.
+    The linear layers have no bias, since batch norm has one; without ``norm`` they do. Such layers
+    begin with Glorot's weights and biases of 0, as in the published TensorFlow code: PyTorch's own
+    make the points of a cloud ever more alike from layer to layer.
     """
 
-    def __init__(self, in_channels: int, widths: Sequence[int]) -> None:
+    def __init__(self, in_channels: int, widths: Sequence[int], *, norm: bool = True) -> None:
         layers: list[nn.Module] = []
         for source, width in zip([in_channels, *widths[:-1]], widths, strict=True):
-            layers += [
-                nn.Conv1d(source, width, 1, bias=False),
-                nn.BatchNorm1d(width),
-                nn.ReLU(inplace=True),
-            ]
+            linear = nn.Conv1d(source, width, 1, bias=not norm)
+            layers.append(linear)
+            if norm:
+                layers.append(nn.BatchNorm1d(width))
+            elif linear.bias is not None:
+                nn.init.xavier_uniform_(linear.weight)
+                nn.init.zeros_(linear.bias)
+            layers.append(nn.ReLU(inplace=True))
         super().__init__(*layers)
 
 
@@ -109,13 +114,13 @@ class PointFeatures(nn.Module):
         if points.dim() != 3 or points.shape[-1] != 3:
             raise DataError(f"points: shape {tuple(points.shape)}, expected (b, n, 3)")
         x = points.transpose(1, 2)
-        x = self.first(_apply(self.align_points(x), x))
-        x = self.second(_apply(self.align_features(x), x))
+        x = self.first(aligned(self.align_points(x), x))
+        x = self.second(aligned(self.align_features(x), x))
         return x.transpose(1, 2)
 
 
-def _apply(
+def aligned(
     transform: Float[Tensor, "batch channel channel"], x: Float[Tensor, "batch channel n"]
 ) -> Float[Tensor, "batch channel n"]:
-    """x^T T, transposed back: (b, c, c) and (b, c, n) -> (b, c, n)."""
+    """Points x by their matrix T, x^T T, transposed back: (b, c, c), (b, c, n) -> (b, c, n)."""
     return torch.bmm(transform.transpose(1, 2), x)

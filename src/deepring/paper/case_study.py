@@ -1,8 +1,8 @@
 """The paper's case study (Sec. VI-A): what a turn and a translation leave in the magnitudes.
 
-A scan and its moved twin go as sinogram (SG) and as polar gram (PG) through a circular convolution
-layer and the row-wise DFT. Were the representation rotation equivariant and translation invariant,
-the magnitudes would be equal once the known turn is undone.
+A scan and its moved twin go as sinogram (SG), as polar gram (PG) and as range image (RI) through a
+circular convolution layer and the row-wise DFT. Were the representation rotation equivariant and
+translation invariant, the magnitudes would be equal once the known turn is undone.
 """
 
 import csv
@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 import torch
@@ -19,62 +19,47 @@ from torch import Tensor
 
 from deepring.core.correlation import circular_cross_correlation
 from deepring.core.equivariance import relative_error
-from deepring.core.rigid import turn_points
 from deepring.core.spectrum import row_dft_magnitude
 from deepring.data.session import Points
 from deepring.errors import ConfigError, DataError
 from deepring.io.files import replacing
 from deepring.nn.circular import CircularConv2d
-from deepring.nn.representation import PolarImage, Sinogram
-from deepring.rasters import BevRaster, PolarRaster, Raster
+from deepring.nn.representation import make_representation
+from deepring.paper.moved_scans import Motion, Place, Position, other_places
+from deepring.rasters import BevRaster, PolarRaster, RangeRaster, Raster
 
-Name = Literal["SG", "PG"]
+Name = Literal["SG", "PG", "RI"]
 Kind = Literal["translation", "rotation", "unrelated"]
 
-NAMES: tuple[Name, ...] = ("SG", "PG")
-ROWS = 120  # of θ, in both representations
+NAMES: tuple[Name, ...] = ("SG", "PG", "RI")
+#: Those that the paper's figure of a pair shows.
+DRAWN: tuple[Name, ...] = ("SG", "PG")
+ROWS = 120  # of θ, in all representations
 KERNELS = 8  # of the layer, 3 x 3 each
 
 TRANSLATIONS_M = tuple(float(metres) for metres in range(21))
 #: Every other one lies half-way between two rows of θ.
 ROTATIONS_DEG = tuple(2.5 * (360 / ROWS) * k for k in range(25))
 
-#: Two views of 70 m: scans farther apart than this show nothing of each other.
-UNRELATED_M = 140.0
-
-
-Position = NDArray[np.float64]
-"""Planar, (2,), metres."""
-
-
-class Motion(NamedTuple):
-    """A turn (degrees, counter-clockwise), then a shift (x, y) in metres."""
-
-    yaw_deg: float
-    shift: tuple[float, float] = (0.0, 0.0)
-
-    def __call__(self, points: Points) -> Points:
-        """The points (n, 3) moved."""
-        moved = turn_points(points, math.radians(self.yaw_deg))
-        moved[:, :2] += np.asarray(self.shift, dtype=moved.dtype)
-        return moved
+_RASTERS: dict[Name, type[Raster]] = {"SG": BevRaster, "PG": PolarRaster, "RI": RangeRaster}
 
 
 class Extractor:
     """The simplified feature extractor: representation, one circular layer, row-wise DFT.
 
-    The layer's weights are random, drawn from ``seed`` alone: both representations get the same.
+    The layer's weights are random, drawn from ``seed`` alone: all representations get the same.
     """
 
     def __init__(self, name: Name, seed: int = 0) -> None:
-        self.raster: Raster = BevRaster() if name == "SG" else PolarRaster()
-        self.representation = Sinogram(ROWS) if name == "SG" else PolarImage(ROWS)
+        self.raster: Raster = _RASTERS[name]()
+        angles = ROWS if name == "SG" else None
+        self.representation = make_representation(self.raster, angles, angles)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             self.layer = CircularConv2d(1, KERNELS, bias=False)
 
     def rasters(self, scans: Sequence[Points], ground_z: float) -> Tensor:
-        """Occupancy of the scans (b, ...) bool."""
+        """Rasters of the scans (b, ...)."""
         return torch.from_numpy(np.stack([self.raster(points, ground_z) for points in scans]))
 
     @torch.no_grad()
@@ -107,7 +92,7 @@ class TwinPair:
     motion: Motion
     bevs: NDArray[np.bool_]  # (2, n, n) indexed [x, y]
     extent: float  # half the BEV's side, and the largest radius of PG; metres
-    views: tuple[View, ...]  # as NAMES
+    views: tuple[View, ...]  # as DRAWN
 
 
 def case_pair(points: Points, motion: Motion, ground_z: float, seed: int = 0) -> TwinPair:
@@ -121,7 +106,7 @@ def case_pair(points: Points, motion: Motion, ground_z: float, seed: int = 0) ->
     """
     bev = BevRaster()
     twins = (points, motion(points))
-    views = tuple(_view(name, twins, motion.yaw_deg, ground_z, seed) for name in NAMES)
+    views = tuple(_view(name, twins, motion.yaw_deg, ground_z, seed) for name in DRAWN)
     return TwinPair(motion, np.stack([bev(twin, ground_z) for twin in twins]), bev.extent, views)
 
 
@@ -147,7 +132,7 @@ class ErrorRow:
     any shift of the rows can, the reference for what is a large error.
     """
 
-    representation: Name
+    representation: str  # of NAMES, or a method's name
     kind: Kind
     value: float | None  # the motion's size; None for unrelated pairs
     unit: str  # "m", "deg" or ""
@@ -158,14 +143,6 @@ class ErrorRow:
     q75: float
 
 
-class _Still(NamedTuple):
-    """An unmoved scan, as it waits to be compared with another place's."""
-
-    scan: int
-    position: Position | None
-    rasters: dict[Name, Tensor]  # (1, ...)
-
-
 def measure(
     scans: Iterable[tuple[Points, Position | None]],
     ground_z: float,
@@ -174,7 +151,7 @@ def measure(
     seed: int = 0,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> list[ErrorRow]:
-    """Errors of SG and PG against translation, against rotation, and between places.
+    """Errors of the representations against translation, against rotation, and between places.
 
     Each pair starts from a random heading, so that it meets the grids at another angle, and moves
     in a random direction. The same arguments give the same rows.
@@ -200,63 +177,49 @@ def measure(
     rng = np.random.default_rng(seed)
     extractors = {name: Extractor(name, seed) for name in NAMES}
     errors: dict[Name, list[list[float]]] = {name: [] for name in NAMES}
-    still: list[_Still] = []
+    seen: list[Place] = []
+    still: list[dict[Name, Tensor]] = []  # the rasters (1, ...) of each
     for number, (points, position) in enumerate(scans):
         for _ in range(min(repeats, pairs - len(still))):
             heading, direction = rng.uniform(0, 360), rng.uniform(0, 2 * math.pi)
-            twins = [motion(points) for motion in _motions(heading, direction)]
+            itself, moves = twin_motions(heading, direction)
+            twins = [motion(points) for motion in (itself, *moves)]
             first = {}
             for name, extractor in extractors.items():
                 rasters = extractor.rasters(twins, ground_z)
                 errors[name].append(_errors(extractor.magnitude(rasters)))
                 first[name] = rasters[:1]
-            still.append(_Still(number, position, first))
+            seen.append(Place(number, position))
+            still.append(first)
             progress(len(still), pairs)
         if len(still) == pairs:
             break
     if not still:
         raise DataError("scans: none given; expected at least one")
-    others = _other_places(still, rng)
+    others = other_places(seen, rng)
     rows: list[ErrorRow] = []
     for name, extractor in extractors.items():
-        places = [(scan.rasters[name], other.rasters[name]) for scan, other in others]
-        rows += _rows(name, errors[name], _unrelated(extractor, places))
+        places = [(still[a][name], still[b][name]) for a, b in others]
+        rows += error_rows(name, errors[name], _unrelated(extractor, places))
     return rows
 
 
-def _motions(heading: float, direction: float) -> list[Motion]:
-    """The scan itself at this heading, then its twins: all translations, all rotations."""
+def twin_motions(heading: float, direction: float) -> tuple[Motion, list[Motion]]:
+    """The scan itself at this heading, and its twins: all translations, all rotations."""
     along = math.cos(direction), math.sin(direction)
-    return [
-        Motion(heading),
+    return Motion(heading), [
         *(Motion(heading, (t * along[0], t * along[1])) for t in TRANSLATIONS_M),
         *(Motion(heading + yaw) for yaw in ROTATIONS_DEG),
     ]
 
 
 def _errors(magnitudes: Tensor) -> list[float]:
-    """Errors of the twins against the scan, which comes first, in the order of `_motions`."""
+    """Errors of the twins against the scan, which comes first, in the order of `twin_motions`."""
     turns = [0.0] * len(TRANSLATIONS_M) + list(ROTATIONS_DEG)
     scan, twins = magnitudes[0], magnitudes[1:]
     return [
         relative_error(undo_turn(twin, turn), scan) for twin, turn in zip(twins, turns, strict=True)
     ]
-
-
-def _other_places(still: Sequence[_Still], rng: np.random.Generator) -> list[tuple[_Still, _Still]]:
-    """Each scan with a random one of another place, where there is one."""
-    pairs = []
-    for scan in still:
-        others = [other for other in still if _apart(scan, other)]
-        if others:
-            pairs.append((scan, others[int(rng.integers(len(others)))]))
-    return pairs
-
-
-def _apart(a: _Still, b: _Still) -> bool:
-    if a.position is None or b.position is None:
-        return a.scan != b.scan
-    return float(np.linalg.norm(a.position - b.position)) > UNRELATED_M
 
 
 def _unrelated(extractor: Extractor, rasters: Sequence[tuple[Tensor, Tensor]]) -> list[float]:
@@ -270,8 +233,8 @@ def _unrelated(extractor: Extractor, rasters: Sequence[tuple[Tensor, Tensor]]) -
     return errors
 
 
-def _rows(name: Name, errors: list[list[float]], unrelated: list[float]) -> list[ErrorRow]:
-    """Summaries of errors (pairs, motions), in the order of `_motions`, and of unrelated ones."""
+def error_rows(name: str, errors: ArrayLike, unrelated: ArrayLike) -> list[ErrorRow]:
+    """Summaries of errors (pairs, motions), ordered as `twin_motions`, and of unrelated ones."""
 
     def row(kind: Kind, value: float | None, unit: str, sample: ArrayLike) -> ErrorRow:
         sample = np.asarray(sample)
@@ -281,7 +244,7 @@ def _rows(name: Name, errors: list[list[float]], unrelated: list[float]) -> list
     shifts, turns = np.split(np.transpose(errors), [len(TRANSLATIONS_M)])
     rows = [row("translation", v, "m", s) for v, s in zip(TRANSLATIONS_M, shifts, strict=True)]
     rows += [row("rotation", v, "deg", s) for v, s in zip(ROTATIONS_DEG, turns, strict=True)]
-    return [*rows, row("unrelated", None, "", unrelated)] if len(unrelated) else rows
+    return [*rows, row("unrelated", None, "", unrelated)] if np.size(unrelated) else rows
 
 
 def write_errors(path: str | Path, rows: Iterable[ErrorRow]) -> None:

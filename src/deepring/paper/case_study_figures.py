@@ -1,4 +1,4 @@
-"""The case study: a scan and its moved twin in SG and PG, and their error against the motion."""
+"""The case study: a scan and its moved twin in SG and PG; the error of all against the motion."""
 
 from collections.abc import Sequence
 
@@ -8,14 +8,14 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 
 from deepring.errors import DataError
-from deepring.paper.case_study import ROWS, ErrorRow, Kind, Name, TwinPair, View
+from deepring.paper.case_study import NAMES, ROWS, ErrorRow, Kind, TwinPair, View
 from deepring.reports.sinograms import draw_bev
 from deepring.reports.style import INK, LABEL_SIZE, PALETTE, legend_below, new_figure, style_axes
 
 _ANGLES = (0, 90, 180, 270, 360)
-_TITLES: dict[Name, str] = {"SG": "Sinogram (SG)", "PG": "Polar gram (PG)"}
-_ACROSS: dict[Name, str] = {"SG": "τ (m)", "PG": "r (m)"}
-_COLOURS: dict[Name, str] = {"SG": PALETTE[0], "PG": PALETTE[1]}
+_TITLES: dict[str, str] = {"SG": "Sinogram (SG)", "PG": "Polar gram (PG)"}
+_ACROSS: dict[str, str] = {"SG": "τ (m)", "PG": "r (m)"}
+_COLOURS: dict[str, str] = dict(zip(NAMES, PALETTE, strict=False))
 
 
 def pair_figure(pair: TwinPair) -> Figure:
@@ -97,7 +97,7 @@ def error_figure(rows: Sequence[ErrorRow], title: str = "") -> Figure:
     return figure
 
 
-def _of(rows: Sequence[ErrorRow], name: Name, kind: Kind) -> list[ErrorRow]:
+def _of(rows: Sequence[ErrorRow], name: str, kind: Kind) -> list[ErrorRow]:
     selection = [row for row in rows if (row.representation, row.kind) == (name, kind)]
     if not selection:
         raise DataError(f"rows: none of {name} and kind {kind!r}; expected those of measure()")

@@ -10,6 +10,7 @@ from deepring.rasters.heights import HeightRaster
 from deepring.rasters.histogram import HistogramRaster
 from deepring.rasters.iris import IrisRaster
 from deepring.rasters.m2dp import M2dpRaster
+from deepring.rasters.point_features import PointFeaturesRaster
 from deepring.rasters.points import PointsRaster
 from deepring.rasters.polar import PolarRaster
 from deepring.rasters.polar_context import PolarContextRaster
@@ -34,6 +35,7 @@ __all__ = [
     "IntensityMeansRaster",
     "IrisRaster",
     "M2dpRaster",
+    "PointFeaturesRaster",
     "PointsRaster",
     "PolarContextRaster",
     "PolarRaster",

@@ -67,7 +67,20 @@ def normals(ranges, points, radial, out):
 
 @njit(cache=True, nogil=True)
 @no_type_check
-def overlaps(images, pairs, poses, low, high, reach, tolerance, out):
+def is_near(seen, s, r, away, tolerance, around):
+    """Whether a range in up to ``around`` cells either way of a cell is within the tolerance."""
+    sectors, rows = seen.shape
+    for i in range(s - around, s + around + 1):
+        for j in range(max(0, r - around), min(rows, r + around + 1)):
+            there = seen[i % sectors, j]
+            if there > 0 and abs(there - away) < tolerance:
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+@no_type_check
+def overlaps(images, pairs, poses, low, high, reach, tolerance, around, out):
     """Set ``out`` (p,) to the overlaps of ``pairs`` (p, 2) of the ranges ``images`` (n, s, r).
 
     ``poses`` (p, 4, 4) carry the second's points onto the first's.
@@ -101,5 +114,5 @@ def overlaps(images, pairs, poses, low, high, reach, tolerance, out):
             for r in range(rows):
                 if first[s, r] > 0:
                     valid += 1
-                    alike += int(seen[s, r] > 0 and abs(seen[s, r] - first[s, r]) < tolerance)
+                    alike += int(is_near(seen, s, r, first[s, r], tolerance, around))
         out[p] = alike / valid if valid else 0.0

@@ -36,12 +36,16 @@ def fixed_count(points: NDArray[np.float32], count: int) -> NDArray[np.float64]:
     array([[1., 2., 3.],
            [1., 2., 3.]])
     """
-    if not len(points):
-        return np.zeros((count, 3))
+    cloud = at_most(points, count)
+    return cloud[spread(len(cloud), count)] if len(cloud) else np.zeros((count, 3))
+
+
+def at_most(points: NDArray[np.float32], count: int) -> NDArray[np.float64]:
+    """The points of `fixed_count` without repetitions: (at most count, 3) float64."""
     points = points[np.lexsort(points.T[::-1])]
     size = voxel_size(points, count) if len(points) > count else None
     cloud = points.astype(np.float64) if size is None else voxel_means(points, size)
-    return cloud[spread(len(cloud), count)]
+    return cloud if len(cloud) <= count else cloud[spread(len(cloud), count)]
 
 
 def voxel_size(points: NDArray[np.float32], count: int) -> float | None:

@@ -46,25 +46,20 @@ def local_features(points: NDArray[Any], neighbours: int = 30) -> NDArray[np.flo
     """
     from scipy.special import entr
 
-    rows = real_array("points", points)
-    if rows.ndim != 2 or rows.shape[1] != 3:
-        raise DataError(f"points: shape {rows.shape}, expected (n, 3)")
     checks.count("neighbours", neighbours)
-    points = rows.astype(np.float64)
-    if not np.isfinite(points).all():
-        raise DataError("points: some are NaN or infinite, expected finite ones; leave them out")
+    points = finite_points(points)
     if not len(points):
         return np.zeros((0, len(FEATURES)))
     near = points[nearest(points, neighbours)]
     offset = near - near.mean(axis=1, keepdims=True)
     covariance = offset.transpose(0, 2, 1) @ offset / near.shape[1]
-    share = _shares(np.linalg.eigvalsh(covariance))
+    share = shares(np.linalg.eigvalsh(covariance))
     return np.stack(
         [
             share[:, 0],
             np.cbrt(share.prod(axis=1)),
             entr(share).sum(axis=1),
-            _flatness(covariance[:, :2, :2]),
+            flatness(*covariance[:, [0, 0, 1], [0, 1, 1]].T),
             np.ptp(offset[:, :, 2], axis=1),
             covariance[:, 2, 2],
         ],
@@ -81,19 +76,31 @@ def nearest(points: NDArray[np.float64], neighbours: int) -> NDArray[np.int64]:
     return indices.reshape(len(points), count)
 
 
-def _shares(eigenvalues: NDArray[np.float64]) -> NDArray[np.float64]:
+def finite_points(points: Any) -> NDArray[np.float64]:
+    """Points (n, 3) float64. Raises DataError for another shape, and unless all are finite."""
+    rows = real_array("points", points)
+    if rows.ndim != 2 or rows.shape[1] != 3:
+        raise DataError(f"points: shape {rows.shape}, expected (n, 3)")
+    if not np.isfinite(rows).all():
+        raise DataError("points: some are NaN or infinite, expected finite ones; leave them out")
+    return np.ascontiguousarray(rows, dtype=np.float64)
+
+
+def shares(eigenvalues: NDArray[np.float64]) -> NDArray[np.float64]:
     """Eigenvalues (n, 3) over their sum, in the same order; rounding may leave one below 0."""
     positive = np.maximum(eigenvalues, 0.0)
-    return _ratio(positive, positive.sum(axis=1, keepdims=True))
+    return ratio(positive, positive.sum(axis=1, keepdims=True))
 
 
-def _flatness(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The smaller over the larger eigenvalue of symmetric matrices (n, 2, 2): (n,)."""
-    mean = (covariance[:, 0, 0] + covariance[:, 1, 1]) / 2
-    spread = np.hypot((covariance[:, 0, 0] - covariance[:, 1, 1]) / 2, covariance[:, 0, 1])
-    return _ratio(np.maximum(mean - spread, 0.0), mean + spread)
+def flatness(
+    xx: NDArray[np.float64], xy: NDArray[np.float64], yy: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The smaller over the larger eigenvalue of matrices [[xx, xy], [xy, yy]], each (n,): (n,)."""
+    mean = (xx + yy) / 2
+    spread = np.hypot((xx - yy) / 2, xy)
+    return ratio(np.maximum(mean - spread, 0.0), mean + spread)
 
 
-def _ratio(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
+def ratio(part: NDArray[np.float64], whole: NDArray[np.float64]) -> NDArray[np.float64]:
     """Part over whole, 0 where the whole is 0."""
     return np.divide(part, whole, out=np.zeros_like(part), where=whole > 0)

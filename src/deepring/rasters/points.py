@@ -40,15 +40,7 @@ class PointsRaster(Raster, kind="points"):
     dtype = np.dtype(np.float16)
 
     def __post_init__(self) -> None:
-        checks.count("raster.count", self.count, most=2**17)
-        self.check_lengths("extent")
-        self.check_reach(self.extent)
-        low, high = self.preprocessing.height
-        if max(-low, high) > self.extent:
-            raise ConfigError(
-                f"preprocessing.height: {[low, high]}, expected heights within ±{self.extent:g} m, "
-                "the raster.extent by which the PointsRaster scales z into [-1, 1]"
-            )
+        check_cloud(self, self.count, self.extent)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -67,10 +59,7 @@ class PointsRaster(Raster, kind="points"):
 
     def turned(self, images: Tensor, sectors: Tensor) -> Tensor:
         """Points (n, count, 3) turned about z by ``sectors`` (n,) degrees, counter-clockwise."""
-        x, y, z = images.float().unbind(-1)
-        turn = sectors * (2 * math.pi / self.sectors)
-        c, s = turn.float().cos()[:, None], turn.float().sin()[:, None]
-        return torch.stack([c * x - s * y, s * x + c * y, z], dim=-1).to(images.dtype)
+        return turned_points(images, sectors * (2 * math.pi / self.sectors))
 
 
 def within(points: NDArray[np.float32], radius: float) -> NDArray[np.float32]:
@@ -80,3 +69,23 @@ def within(points: NDArray[np.float32], radius: float) -> NDArray[np.float32]:
     array([[ 3.,  4., 99.]], dtype=float32)
     """
     return points[np.hypot(points[:, 0], points[:, 1]) < radius]
+
+
+def turned_points(points: Tensor, turn: Tensor) -> Tensor:
+    """Points (n, count, 3) turned about z by ``turn`` (n,) radians, counter-clockwise."""
+    x, y, z = points.float().unbind(-1)
+    c, s = turn.float().cos()[:, None], turn.float().sin()[:, None]
+    return torch.stack([c * x - s * y, s * x + c * y, z], dim=-1).to(points.dtype)
+
+
+def check_cloud(raster: Raster, count: int, extent: float) -> None:
+    """Raise ConfigError unless a raster of ``count`` points can scale them by ``extent``."""
+    checks.count("raster.count", count, most=2**17)
+    raster.check_lengths("extent")
+    raster.check_reach(extent)
+    low, high = raster.preprocessing.height
+    if max(-low, high) > extent:
+        raise ConfigError(
+            f"preprocessing.height: {[low, high]}, expected heights within ±{extent:g} m, the "
+            f"raster.extent by which the {type(raster).__name__} scales z into [-1, 1]"
+        )

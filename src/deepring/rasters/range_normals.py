@@ -100,25 +100,29 @@ class RangeNormalRaster(Raster, kind="range_normals"):
         pairs: NDArray[np.int64],
         poses: NDArray[np.float64],
         tolerance: float = 1.0,
+        around: int = 1,
     ) -> NDArray[np.float64]:
         """How much of the first scan of each pair the second one sees too, (p,) in [0, 1].
 
-        The share of the first's ranges to which those of the second come within ``tolerance``
-        metres, once its points, in the middle of their cells, are carried over; 0 where the first
-        has none. The published code counts the same way, on all points of a scan.
+        The share of the first's ranges to which one of the second comes within ``tolerance``
+        metres, in the same cell or up to ``around`` cells beside it, once the second's points are
+        carried over; 0 where the first has none. The published code carries all points of a scan
+        and looks at the same cell alone. Here points are taken to be in the middle of their cells,
+        which is off by up to half a cell on either side.
 
         Args:
             ranges: (n, sectors, rows), channel 0 of rasters.
             pairs: (p, 2) numbers of scans.
             poses: (p, 4, 4) rigid, each carries the second's points onto the first's.
             tolerance: metres.
+            around: cells.
         """
         from deepring.rasters import _range_normal_kernels as _kernels
 
         out = np.zeros(len(pairs))
         images = np.ascontiguousarray(ranges, dtype=np.float32)
         given = np.ascontiguousarray(pairs, dtype=np.int64), np.ascontiguousarray(poses)
-        _kernels.overlaps(images, *given, *self._bounds, self.max_range, tolerance, out)
+        _kernels.overlaps(images, *given, *self._bounds, self.max_range, tolerance, around, out)
         return out
 
     @property

@@ -7,6 +7,17 @@ WorldKind = Literal["campus", "city", "terraces", "squares", "trees", "tunnels",
 #: Height above the ground of the lowest ceiling over a street, where there is any (metres).
 LOWEST_CEILING: dict[WorldKind, float] = {"tunnels": 2.5}
 
+#: Width of the sidewalk beyond the kerb on both sides of a street (metres).
+SIDEWALK: dict[WorldKind, float] = {
+    "campus": 3.0,
+    "city": 3.0,
+    "terraces": 3.0,
+    "squares": 3.0,
+    "trees": 0.0,  # the verge begins at the road
+    "tunnels": 3.0,
+    "repeating": 3.0,
+}
+
 #: Settings of each kind of world that differ from the defaults, which are the campus's. The street
 #: free of standing objects is twice ``lane_offset + lateral_offset + 1.5`` wide.
 MEASURES: dict[WorldKind, dict[str, Any]] = {

@@ -41,14 +41,14 @@ class Scene:
         movers = moving_objects(pose, self.world.ground, settings, rng)
         phase = rng.uniform(0.0, 2 * np.pi) if sensor.starts_anywhere else 0.0
         prisms = self._standing[session] + movers
-        ground = self.world.ground
+        ground, cover = self.world.ground, self.world.cover
         if not settings.motion_distortion:
-            return scan(sensor, pose, phase, prisms, ground, settings, rng)
+            return scan(sensor, pose, phase, prisms, ground, settings, rng, cover)
 
         def motion(seconds: FloatArray) -> FloatArray:
             return drive.poses(stamp + np.round(seconds * 1e6).astype(np.int64))
 
-        return scan_in_motion(sensor, motion, phase, prisms, ground, settings, rng)
+        return scan_in_motion(sensor, motion, phase, prisms, ground, settings, rng, cover)
 
 
 @lru_cache(maxsize=1)

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from deepring.simulation.fan import Fan
 from deepring.simulation.ground import Ground
+from deepring.simulation.ground_cover import GroundCover
 from deepring.simulation.mounting import Sensor
 from deepring.simulation.patterns import SWEEP, Hits, Pattern, Revolution, Shots
-from deepring.simulation.rain import through_rain
-from deepring.simulation.raycast import cast
+from deepring.simulation.rain import DROP, through_rain
+from deepring.simulation.raycast import GROUND, cast
 from deepring.simulation.settings import SimulationSettings
-from deepring.simulation.shapes import PointClass, Prisms
+from deepring.simulation.shapes import GROUNDS, PointClass, Prisms
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -22,6 +23,10 @@ IntArray = NDArray[np.int64]
 Motion = Callable[[FloatArray], FloatArray]
 
 _GROUND_REFLECTANCE, _DROP_REFLECTANCE = 0.25, 0.1
+#: Ground that is no road. As a hit each has the number before DROP, NOTHING and GROUND, -3 to -1:
+#: its place from the end of what is appended to the prisms' properties.
+_COVERS = GROUNDS[1:]
+
 _PARTS = 20  # of a sweep in motion, in each of which the sensor stands still
 
 
@@ -56,19 +61,19 @@ def scan(
     ground: Ground,
     settings: SimulationSettings,
     rng: np.random.Generator,
+    cover: GroundCover | None = None,
 ) -> Sweep:
     """Sweep the sensor once from ``body_pose`` (4, 4), world <- body, world z up.
 
     ``phase`` is the azimuth (rad) of column 0 in the sensor's frame. Apart from range noise, and
     drops of rain, every point is on a surface visible from the sensor (see `Pattern` for where
-    rays point).
+    rays point). ``cover`` tells kinds of ground apart; without it all ground is road.
     """
     pattern = _pattern(sensor, phase, settings, rng)
     everything = np.arange(len(pattern.seconds))
-    hits = _shoot(
-        pattern, everything, body_pose @ sensor.mount, (sensor, prisms, ground), settings, rng
-    )
-    return _measured(hits, sensor, prisms, settings, rng)
+    pose = body_pose @ sensor.mount
+    hits = _shoot(pattern, everything, pose, (sensor, prisms, ground), settings, rng)
+    return _measured(_covered(hits, pose, cover), sensor, prisms, settings, rng)
 
 
 def scan_in_motion(
@@ -79,6 +84,7 @@ def scan_in_motion(
     ground: Ground,
     settings: SimulationSettings,
     rng: np.random.Generator,
+    cover: GroundCover | None = None,
 ) -> Sweep:
     """A sweep of a platform that moves: each point in the sensor's frame of its own moment.
 
@@ -92,11 +98,12 @@ def scan_in_motion(
     parts, places = [], []
     for k in np.unique(part):
         columns = np.flatnonzero(part == k)
-        parts.append(_shoot(pattern, columns, poses[k], (sensor, prisms, ground), settings, rng))
+        hits = _shoot(pattern, columns, poses[k], (sensor, prisms, ground), settings, rng)
+        parts.append(_covered(hits, poses[k], cover))
         places.append(columns)
     order = np.argsort(np.concatenate(places))
-    hits = Hits(*(np.concatenate(values)[order] for values in zip(*parts, strict=True)))
-    return _measured(hits, sensor, prisms, settings, rng, seconds)
+    whole = Hits(*(np.concatenate(values)[order] for values in zip(*parts, strict=True)))
+    return _measured(whole, sensor, prisms, settings, rng, seconds)
 
 
 def _pattern(
@@ -135,6 +142,20 @@ def _farthest(sensor: Sensor, settings: SimulationSettings) -> float:
     return min(settings.max_range, sensor.range)
 
 
+def _covered(hits: Hits, pose: FloatArray, cover: GroundCover | None) -> Hits:
+    """The hits from ``pose``, world <- sensor, with ground that is no road as in `_COVERS`."""
+    if cover is None:
+        return hits
+    ground = hits.hit == GROUND
+    world = hits.points[ground] @ pose[:3, :3].T + pose[:3, 3]
+    kinds, codes = cover.kinds(world[:, :2]), np.full(len(world), GROUND)
+    for k, kind in enumerate(reversed(_COVERS)):
+        codes[kinds == kind] = DROP - 1 - k
+    hit = hits.hit.copy()
+    hit[ground] = codes
+    return hits._replace(hit=hit)
+
+
 def _measured(
     hits: Hits,
     sensor: Sensor,
@@ -146,10 +167,10 @@ def _measured(
     """The sweep that the sensor makes of what its rays hit."""
     returns, lost = _noisy(hits.points, sensor, settings, rng)
     returns[lost] = np.nan
-    # DROP, NOTHING and GROUND are the last three.
-    surface = np.append(prisms.reflectance, [_DROP_REFLECTANCE, 0.0, _GROUND_REFLECTANCE])
+    shades = [_DROP_REFLECTANCE, 0.0, _GROUND_REFLECTANCE]
+    surface = np.append(prisms.reflectance, [_GROUND_REFLECTANCE] * len(_COVERS) + shades)
     reflectance = surface[hits.hit] + rng.normal(0.0, 0.04, hits.hit.shape)
-    others = [PointClass.OTHER, PointClass.NOTHING, PointClass.GROUND]
+    others = [*_COVERS, PointClass.OTHER, PointClass.NOTHING, PointClass.ROAD]
     kinds = np.append(prisms.kind, np.array(others, np.uint16))
     labels = np.where(lost, np.uint16(PointClass.NOTHING), kinds[hits.hit])
     return Sweep(returns, np.clip(reflectance, 0.0, 1.0), labels, seconds)

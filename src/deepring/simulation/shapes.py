@@ -23,22 +23,29 @@ _DTYPES = {  # of the columns that are not float64
 class PointClass(IntEnum):
     """What a point lies on. The values are the class ids of SemanticKITTI's label files.
 
-    SemanticKITTI tells more classes apart than a simulated world has: here every piece of ground
-    is `road`, every moving vehicle a `moving-car`, and every parked one a `car`.
+    SemanticKITTI tells more classes apart than a simulated world has: here every moving vehicle is
+    a `moving-car`, and every parked one a `car`.
     """
 
     NOTHING = 0  # unlabeled: no return
     PARKED_CAR = 10  # car
-    GROUND = 40  # road
+    ROAD = 40  # road: ground up to the kerb
+    PARKING = 44  # parking: ground around parked cars
+    SIDEWALK = 48  # sidewalk: ground beside the road
     BUILDING = 50  # building: houses, garages, sheds
     WALL = 51  # fence: free-standing walls and fences
     STRUCTURE = 52  # other-structure: tunnels, parking decks
     CROWN = 70  # vegetation: the foliage of trees, hedges and bushes
     TRUNK = 71  # trunk
+    TERRAIN = 72  # terrain: all other ground
     POLE = 80  # pole
     OTHER = 99  # other-object: clutter
     MOVING_CAR = 252  # moving-car
     MOVING_PERSON = 254  # moving-person
+
+
+#: Kinds of ground.
+GROUNDS = (PointClass.ROAD, PointClass.TERRAIN, PointClass.SIDEWALK, PointClass.PARKING)
 
 
 @dataclass(frozen=True, eq=False)

@@ -120,12 +120,27 @@ def _neighbours(first: int, columns: int, rows: int) -> tuple[Street, ...]:
     return tuple((int(a), int(b)) for a, b in np.concatenate([across, along]))
 
 
-def clearance(points: FloatArray, streets: Streets) -> FloatArray:
-    """Distance from points (..., 2) to the nearest street's middle (metres)."""
+def clearance(points: FloatArray, streets: Streets, within: float = np.inf) -> FloatArray:
+    """Distance from points (..., 2) to the nearest street's middle (metres).
+
+    Distances of ``within`` and more may be larger than they are: streets farther than that from
+    all points are left out.
+    """
     best = np.full(points.shape[:-1], np.inf)
+    if not best.size:
+        return best
+    centre = points.reshape(-1, 2).mean(axis=0)
+    farthest = float(np.hypot(*(points - centre).reshape(-1, 2).T).max()) + within
     for a, b in streets.all:
-        start, way = streets.crossings[a], streets.crossings[b] - streets.crossings[a]
-        share = np.clip((points - start) @ way / (way @ way), 0.0, 1.0)
-        gap = points - start - share[..., None] * way
-        best = np.minimum(best, np.hypot(gap[..., 0], gap[..., 1]))
+        ends = streets.crossings[a], streets.crossings[b]
+        if _from_street(centre, *ends) <= farthest:
+            best = np.minimum(best, _from_street(points, *ends))
     return best
+
+
+def _from_street(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+    """Distance (...) from points (..., 2) to the straight line from ``start`` to ``end``."""
+    way = end - start
+    share = np.clip((points - start) @ way / (way @ way), 0.0, 1.0)
+    gap = points - start - share[..., None] * way
+    return np.hypot(gap[..., 0], gap[..., 1])

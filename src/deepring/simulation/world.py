@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.simulation.ground import Ground, rolling_ground
+from deepring.simulation.ground_cover import GroundCover, ground_cover
 from deepring.simulation.kinds import (
     blocks,
     repeating,
@@ -29,11 +30,12 @@ _MOVERS_AHEAD = 45.0  # largest distance of moving objects along the street (met
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """Streets, ground, and the standing prisms of both sessions (see `Prisms`)."""
+    """Streets, ground with its cover, and the standing prisms of both sessions (see `Prisms`)."""
 
     streets: Streets
     ground: Ground
     prisms: Prisms
+    cover: GroundCover
 
     def standing(self, session: int, settings: SimulationSettings) -> Prisms:
         """The standing prisms of one session (DATABASE or QUERY), with the crowns of its season."""
@@ -51,8 +53,9 @@ def build_world(settings: SimulationSettings) -> World:
     yard = Yard(settings, ground, PrismList(), rng)
     cars = Yard(settings, ground, yard.prisms, np.random.default_rng([settings.seed, 2]))
     _FURNISH[settings.world](streets, yard, cars)
-    world = World(streets, ground, yard.prisms.freeze())
-    return replace(world, prisms=_clear_streets(world, settings.corridor))
+    prisms = _clear_streets(yard.prisms.freeze(), streets, ground, settings.corridor)
+    heights = ground.height(prisms.x, prisms.y)
+    return World(streets, ground, prisms, ground_cover(streets, prisms, heights, settings))
 
 
 #: How each kind of world furnishes its streets, with yards for the world and for parked cars.
@@ -67,14 +70,13 @@ _FURNISH: dict[WorldKind, Callable[[Streets, Yard, Yard], None]] = {
 }
 
 
-def _clear_streets(world: World, corridor: float) -> Prisms:
+def _clear_streets(prisms: Prisms, streets: Streets, ground: Ground, corridor: float) -> Prisms:
     """The prisms that do not stand in a street, as a corner of a building near a crossing would.
 
     Crowns and ceilings may hang over streets.
     """
-    prisms = world.prisms
-    clear = clearance(prisms.outline(), world.streets).min(axis=1) >= corridor
-    overhead = prisms.z0 - world.ground.height(prisms.x, prisms.y) > _OVERHEAD
+    clear = clearance(prisms.outline(), streets).min(axis=1) >= corridor
+    overhead = prisms.z0 - ground.height(prisms.x, prisms.y) > _OVERHEAD
     return prisms[np.flatnonzero(clear | overhead)]
 
 

@@ -103,7 +103,7 @@ def with_columns(points: NDArray[np.float32], columns: Sequence[str]) -> NDArray
 
 
 def check_shapes(method: Method, rasters: Tensor) -> Tensor:
-    """Assert one finite descriptor per raster, scores (q, d), and turns (q, d) in [-π, π] or None.
+    """Assert finite float32 descriptors, one a raster, scores and turns (q, d) in [-π, π] or None.
 
     Returns the descriptors.
     """
@@ -113,9 +113,13 @@ def check_shapes(method: Method, rasters: Tensor) -> Tensor:
             "shapes", f"rasters {tuple(rasters.shape)}, expected (n, {', '.join(map(str, shape))})"
         )
     descriptors = method.describe(rasters)
-    if not isinstance(descriptors, Tensor) or not descriptors.is_floating_point():
+    if not isinstance(descriptors, Tensor) or descriptors.dtype != torch.float32:
         kind = descriptors.dtype if isinstance(descriptors, Tensor) else type(descriptors).__name__
-        raise MethodError("shapes", f"describe returns {kind}, expected a floating Tensor")
+        raise MethodError(
+            "shapes",
+            f"describe returns {kind}, expected a Tensor of torch.float32, which is all that files "
+            "of descriptors hold",
+        )
     if descriptors.ndim < 2 or len(descriptors) != len(rasters):
         raise MethodError(
             "shapes",

@@ -1,6 +1,6 @@
 """The LightningModule: training steps by a scheme, retrieval in validation."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, cast
 
 import lightning as L
@@ -32,6 +32,9 @@ class PlaceModule(L.LightningModule):
         scheduler: makes its schedule, stepped once per epoch; None keeps the rate constant.
         radius: revisit radius of the validation metrics, metres.
         trained_on: names of the training datasets, stored in the checkpoint.
+        parts: names of the parts that are trained, see `NetworkMethod.parts`; the others keep their
+            weights and batch statistics. None trains all. Raises ConfigError for other names.
+        trained_before: the parts that an earlier stage trained.
     """
 
     def __init__(
@@ -44,15 +47,24 @@ class PlaceModule(L.LightningModule):
         scheduler: MakeScheduler | None = None,
         radius: float = 10.0,
         trained_on: str = "",
+        parts: Sequence[str] | None = None,
+        trained_before: Sequence[str] = (),
     ) -> None:
         super().__init__()
         scheme.expect_loss(loss)
         self.method, self.scheme, self.loss = method, scheme, loss
+        self.parts = None if parts is None else _known_parts(method, parts)
+        if self.parts is not None:
+            for name, weight in method.named_parameters():
+                weight.requires_grad_(name.partition(".")[0] in self.parts)
+        trained = {*trained_before, *(method.parts if self.parts is None else self.parts)}
         origin = {
             "method": method_name(type(method)),
             "settings": method.settings.to_dict(),
             "trained_on": trained_on,
             "loss": type(self.loss).__name__,
+            "trained_parts": self.parts,
+            "untrained": [part for part in method.parts if part not in trained],
         }
         # Only plain values, so that checkpoints load with ``weights_only=True``.
         self.save_hyperparameters(origin, logger=False)
@@ -60,6 +72,13 @@ class PlaceModule(L.LightningModule):
         self.validation = validation or []
         self.recalls = nn.ModuleList(RecallAtK(1, radius) for _ in self.validation)
         self.aucs = nn.ModuleList(PlaceAUC(radius) for _ in self.validation)
+
+    def on_train_start(self) -> None:
+        """Set parts that are not trained to evaluation mode, so that their statistics stay."""
+        if self.parts is not None:
+            for name, part in self.method.named_children():
+                if name not in self.parts:
+                    part.eval()
 
     def training_step(self, batch: Any, _: int) -> Tensor:
         """The loss of a batch, by the scheme's step."""
@@ -97,7 +116,17 @@ class PlaceModule(L.LightningModule):
         """The configured optimizer and its schedule per epoch."""
         if self.make_optimizer is None:
             raise ConfigError("optimizer: None, expected a function that makes one for training")
-        optimizer = self.make_optimizer(self.parameters())
+        optimizer = self.make_optimizer([w for w in self.parameters() if w.requires_grad])
         if self.make_scheduler is None:
             return optimizer
         return {"optimizer": optimizer, "lr_scheduler": self.make_scheduler(optimizer)}
+
+
+def _known_parts(method: NetworkMethod, parts: Sequence[str]) -> list[str]:
+    """The parts, in the network's order. Raises ConfigError unless they are some of its own."""
+    if not parts or not set(parts) <= set(method.parts):
+        raise ConfigError(
+            f"trained_parts: {list(parts)}, expected one or more of {', '.join(method.parts)}, the "
+            f"parts of {method.settings.label}, or null for all"
+        )
+    return [part for part in method.parts if part in parts]

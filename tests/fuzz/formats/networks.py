@@ -29,7 +29,17 @@ from fuzz.scenes import scene
 from helpers.tiny_methods import TINY
 
 #: All that learn.
-_METHODS = ("deepring", "disco", "pointnetvlad", "egonn", "locnet", "rinet", "overlapnet", "lcdnet")
+_METHODS = (
+    "deepring",
+    "disco",
+    "pointnetvlad",
+    "egonn",
+    "locnet",
+    "rinet",
+    "lcdnet",
+    "lpdnet",
+    "overlapnet",
+)
 _SCAN = np.array(scene(1), np.float32)
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import torch
-from jaxtyping import Float
-from torch import Tensor, nn
+from jaxtyping import Float, Int64
+from torch import Tensor
 
 from deepring import checks
 from deepring.core import fourier
@@ -42,6 +42,9 @@ class OverlapNetSettings(PlainSettings):
     circular: bool = False
     #: Ranges are divided by the largest; as published they are metres.
     scaled: bool = False
+    #: The second scan's columns are turned to those of the first before the head sees them; as
+    #: published they are not.
+    aligned: bool = False
     block: int = 15
     widths: Sequence[int] = (64, 128, 256)
     #: Places whose overlap with a query is computed; None computes all, as published.
@@ -65,6 +68,7 @@ class OverlapNet(NetworkMethod):
         layers = checked_layers(settings.layers)
         circular = checks.of_type("overlapnet.circular", settings.circular, bool)
         checks.of_type("overlapnet.scaled", settings.scaled, bool)
+        checks.of_type("overlapnet.aligned", settings.aligned, bool)
         if settings.candidates is not None:
             checks.count("overlapnet.candidates", settings.candidates)
         channels, sectors, rows = self.raster.shape
@@ -77,10 +81,6 @@ class OverlapNet(NetworkMethod):
         self.columns = columns
         self.legs = Legs(channels, layers, circular)
         self.head = OverlapHead(columns, layers[-1].channels, settings.block, settings.widths)
-        for layer in self.modules():
-            if isinstance(layer, nn.Conv2d | nn.Linear) and layer.bias is not None:
-                nn.init.xavier_uniform_(layer.weight)
-                nn.init.zeros_(layer.bias)
 
     def forward(
         self, rasters: Float[Tensor, "batch channel theta row"]
@@ -98,6 +98,8 @@ class OverlapNet(NetworkMethod):
         self, first: Float[Tensor, "n column value"], second: Float[Tensor, "n column value"]
     ) -> Float[Tensor, " n"]:
         """Logits (n,) of the overlap of each first and second."""
+        if self.settings.aligned:
+            second = rolled(second, self.turn_curves(first, second).argmax(dim=-1))
         logits: Tensor = self.head(first, second)
         return logits
 
@@ -122,14 +124,15 @@ class OverlapNet(NetworkMethod):
             chosen = shortlisted(distance, self.settings.candidates).nonzero()
             at_once = max(1, _DIFFERENCES // (queries[0].numel() * self.columns))
             found = [
-                torch.sigmoid(self.head(queries[part[:, 0]], database[part[:, 1]]))
-                for part in chosen.split(at_once)
+                torch.sigmoid(self.overlap_logits(queries[part[:, 0]], database[part[:, 1]]))
+                for part in torch.split(chosen, at_once)
             ]
             score = score.index_put(tuple(chosen.T), torch.cat(found))
         with torch.no_grad():
             rows = max(1, _CURVES // (len(database) * self.columns))
             shifts = [
-                correlation_curves(part, database).argmax(dim=-1) for part in queries.split(rows)
+                correlation_curves(part, database).argmax(dim=-1)
+                for part in torch.split(queries, rows)
             ]
         return Comparison(score, shift_to_turn(torch.cat(shifts), self.columns))
 
@@ -143,6 +146,19 @@ class OverlapNet(NetworkMethod):
         if self.settings.candidates is None:
             return CompareIndex(self)
         return ShortlistIndex(self, mean_columns, self.settings.candidates)
+
+
+def rolled(
+    columns: Float[Tensor, "n column value"], shifts: Int64[Tensor, " n"]
+) -> Float[Tensor, "n column value"]:
+    """Each scan's columns rolled by its own shift.
+
+    >>> rolled(torch.tensor([[[1.0], [2.0], [3.0]]]), torch.tensor([1]))[0, :, 0]
+    tensor([3., 1., 2.])
+    """
+    count = columns.shape[1]
+    rows = (torch.arange(count, device=columns.device) - shifts[:, None]) % count
+    return columns.gather(1, rows[..., None].expand_as(columns))
 
 
 def mean_columns(columns: Float[Tensor, "n column value"]) -> Float[Tensor, "n 1 value"]:

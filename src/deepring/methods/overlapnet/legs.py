@@ -95,14 +95,19 @@ class Legs(nn.Module):
         super().__init__()
         self.layers, self.circular = list(layers), circular
         widths = [channels, *(layer.channels for layer in layers)]
-        self.convolutions = nn.ModuleList(
+        convolutions = [
             nn.Conv2d(
                 *(inputs, layer.channels),
                 kernel_size=(layer.columns, layer.rows),
                 stride=(layer.column_step, layer.row_step),
             )
             for inputs, layer in zip(widths, layers, strict=False)
-        )
+        ]
+        for convolution in convolutions:
+            nn.init.xavier_uniform_(convolution.weight)
+            if convolution.bias is not None:
+                nn.init.zeros_(convolution.bias)
+        self.convolutions = nn.ModuleList(convolutions)
 
     def forward(
         self, x: Float[Tensor, "batch channel theta row"]

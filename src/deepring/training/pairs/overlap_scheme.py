@@ -53,11 +53,13 @@ class OverlapScheme(TrainingScheme):
     radius: float = 15.0
     bins: int = 10
     tolerance: float = 1.0
+    around: int = 1
     turned: bool = False
 
     def __post_init__(self) -> None:
         for name in ("pairs", "partners", "bins"):
             checks.count(f"sampling.{name}", getattr(self, name))
+        checks.count("sampling.around", self.around, 0)
         if self.per_epoch is not None:
             checks.count("sampling.per_epoch", self.per_epoch)
         for name in ("radius", "tolerance"):
@@ -105,15 +107,17 @@ class OverlapSet(TrainingSet[OverlapBatch]):
             for k in range(0, len(self.pairs), _PAIRS):
                 pairs = self.pairs[k : k + _PAIRS]
                 poses = np.stack([self.relative_pose(*pair) for pair in pairs])
-                found.append(self.raster.overlaps(ranges, pairs, poses, self.scheme.tolerance))
+                limits = self.scheme.tolerance, self.scheme.around
+                found.append(self.raster.overlaps(ranges, pairs, poses, *limits))
                 bar(k + len(pairs), len(self.pairs))
         return np.concatenate(found)
 
     def relative_pose(self, first: int, second: int) -> NDArray[np.float64]:
         """The level transform (4, 4) that carries the second scan's points onto the first's."""
-        poses = [
-            planar_pose(*self.scans.positions[k], self.scans.headings[k]) for k in (first, second)
-        ]
+        poses = []
+        for scan in (first, second):
+            x, y = self.scans.positions[scan]
+            poses.append(planar_pose(x, y, self.scans.headings[scan]))
         return cast("NDArray[np.float64]", np.linalg.inv(poses[0]) @ poses[1])
 
     def __len__(self) -> int:
