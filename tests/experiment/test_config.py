@@ -177,6 +177,8 @@ BESIDE = {
     "sampling=streets": ["loss=graded_cross_entropy"],
     "sampling=tuples": ["loss=lazy_quadruplet"],
     "sampling=pairs": ["loss=contrastive"],
+    "sampling=poses": ["loss=triplet_with_pose"],
+    "loss=triplet_with_pose": ["sampling=poses"],
     "loss=contrastive": ["sampling=pairs"],
     "loss=soft_match": ["sampling=pairs"],
     "loss=overlap_and_turn": ["sampling=overlaps", "method=overlapnet"],
