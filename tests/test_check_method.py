@@ -38,6 +38,9 @@ TURNLESS = (
     "locnet",
     "rinet",
     "lpdnet",
+    "lcdnet",
+    "dh3d",
+    "locus",
 )
 WITHOUT_TURN = {"turn": "compare returns no turn"}
 

@@ -177,10 +177,20 @@ BESIDE = {
     "sampling=streets": ["loss=graded_cross_entropy"],
     "sampling=tuples": ["loss=lazy_quadruplet"],
     "sampling=pairs": ["loss=contrastive"],
+    "sampling=correspondences": ["loss=n_tuple"],
+    "loss=n_tuple": ["sampling=correspondences"],
+    "loss=reliability": ["sampling=correspondences"],
+    **{f"stage=dh3d_{s}": ["method=dh3d"] for s in ("local", "detector", "place", "whole")},
+    **{
+        f"stage=dh3d_{s}_small": ["method=dh3d_small"]
+        for s in ("local", "detector", "place", "whole")
+    },
     "loss=contrastive": ["sampling=pairs"],
     "loss=soft_match": ["sampling=pairs"],
     "loss=overlap_and_turn": ["sampling=overlaps", "method=overlapnet"],
     "sampling=overlaps": ["loss=overlap_and_turn", "method=overlapnet"],
+    "sampling=segments": ["loss=segment_identity"],
+    "loss=segment_identity": ["sampling=segments"],
     "loss=batch_hard": ["sampling=batch_hard"],
     "loss=batch_softmax": ["sampling=batch_hard"],
     "loss=batch_softmax_with_turn": ["sampling=batch_hard"],

@@ -27,6 +27,7 @@ LEARNED = [name for name in METHODS if name not in FIXED]
 RAW = (
     *("locnet", "locnet_small", "rinet", "rinet_small"),
     *("overlapnet", "overlapnet_small"),
+    "lcdnet",
 )
 
 #: Methods that need classes of points; see `test_labelled_evaluation`.

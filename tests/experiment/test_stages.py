@@ -18,7 +18,7 @@ from helpers.small_training import TINY_DATA, TINY_METHODS
 TINY = (
     *("method=pointnetvlad", *TINY_METHODS["pointnetvlad"], *TINY_DATA, "method.first=[8,8]"),
     *("method.transform_widths=[8]", "method.transform_hidden=[8]", "sampling.per_epoch=1"),
-    *("trainer.max_epochs=1", "callbacks.progress=null", "logger=null", "evaluate=false"),
+    *("trainer.max_epochs=1", "callbacks.progress=null", "~logger", "evaluate=false"),
 )
 
 
@@ -147,6 +147,30 @@ def test_what_does_not_go_together_is_refused_before_anything_is_made(
     with pytest.raises(DeepringError, match=complaint):
         train(composed(*known, *start, *overrides), tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+def test_the_three_stages_of_dh3d(compose_in, tiny_nclt, tmp_path):
+    """Each begins with the last one's weights, and keeps those that it does not train."""
+    network = [o for o in TINY_METHODS["dh3d"] if o.startswith("method.")]
+    points = ("sampling.points=32", "sampling.around=4", "sampling.pairs=2", "sampling.per_epoch=1")
+    tuples = [o for o in TINY_METHODS["dh3d"] if o.startswith("sampling.")]
+    short = ("trainer.max_epochs=1", "callbacks.progress=null", "~logger", "evaluate=false")
+    known, last = {}, None
+    for stage, options, untrained in (
+        ("local", points, ("detector", "place")),
+        ("detector", points, ("place",)),
+        ("place", tuples, ()),
+    ):
+        start = () if last is None else (f"start_from={last}",)
+        overrides = ("method=dh3d", f"stage=dh3d_{stage}", *network, *options, *start, *short)
+        cfg = compose_in(tmp_path / stage, f"data.root={tiny_nclt}", *TINY_DATA, *overrides)
+        last = train(cfg, tmp_path / stage / "run").checkpoint
+        trained = load_stage(last)
+        assert trained.untrained == untrained
+        weights = trained.method.state_dict()
+        assert all(torch.equal(weights[name], weight) for name, weight in known.items())
+        parts = set(trained.method.parts) - set(untrained)
+        known = {name: w for name, w in weights.items() if name.split(".")[0] in parts}
 
 
 def test_the_command_line_refuses_in_one_line(tmp_path):

@@ -107,3 +107,17 @@ def test_parameters_of_the_published_size():
 def test_bad_numbers_are_named(name):
     with pytest.raises(DeepringError, match=rf"netvlad\.{name}: 0"):
         NetVlad(**{"features": 2, "clusters": 2, "dimension": 2, name: 0})
+
+
+@torch.no_grad()
+def test_attention_weighs_points_and_none_leaves_zeros():
+    net, x = make(), features()
+    plain = net.residuals(x)
+    assert torch.allclose(net.residuals(x, torch.full(x.shape[:2], 0.3, dtype=x.dtype)), plain)
+    first = torch.zeros(x.shape[:2], dtype=x.dtype)
+    first[:, :5] = 1.0
+    assert torch.allclose(net.residuals(x, first), net.residuals(x[:, :5]), atol=1e-12)
+    assert not torch.allclose(net.residuals(x, first), plain, atol=1e-2)
+    nothing = net.residuals(x, torch.zeros_like(first))
+    assert torch.equal(nothing, torch.zeros_like(nothing))
+    assert net(x, torch.zeros_like(first)).isfinite().all()

@@ -37,15 +37,16 @@ def street(count=12, step=3.0):
     return TrainingScans(positions, zeros, headings, Rasters(images, RASTER), zeros)
 
 
-def test_a_scan_overlaps_its_neighbour_more_than_a_far_one():
+def test_a_scan_overlaps_its_neighbour_more_than_a_far_one(monkeypatch):
     made = OverlapScheme(partners=11, radius=4.0).training_set(street(), seed=0)
     assert len(made.pairs) == len({tuple(pair) for pair in made.pairs.tolist()}) == 12 * 11
     away = np.abs(made.pairs[:, 0] - made.pairs[:, 1])
     near, far = made.overlaps[away == 1].mean(), made.overlaps[away >= 8].mean()
     assert near > 1.5 * far > 0
     # The usual misreading: the pose the other way round. Headings differ, and little overlaps.
-    right = made.relative_pose
-    made.relative_pose = lambda first, second: np.linalg.inv(right(first, second))
+    right = TrainingScans.level_pose
+    wrong = lambda scans, first, second: np.linalg.inv(right(scans, first, second))  # noqa: E731
+    monkeypatch.setattr(TrainingScans, "level_pose", wrong)
     assert made._overlaps()[away == 1].mean() < 0.8 * near
 
 

@@ -132,6 +132,12 @@ COMMANDS = {
         "Print a JSON Schema: of what commands print with --as json, or of drive.yaml "
         "(drive_file).",
     ),
+    "completion": _Command(
+        help_options.add_completion,
+        "print a script that lets a shell complete commands",
+        "Print a script that lets bash, zsh or tcsh complete commands, options, files and config "
+        "groups. It needs nothing but the shell.",
+    ),
 }
 
 

@@ -28,3 +28,9 @@ def add_schema(parser: Parser) -> None:
         "name", nargs="?", metavar="NAME", help="name of a schema; all names are listed without one"
     )
     parser.runs("deepring.cli.schema_command:schema_command", name="NAME")
+
+
+def add_completion(parser: Parser) -> None:
+    """``deepring completion SHELL``."""
+    parser.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="one of %(choices)s")
+    parser.runs("deepring.cli.completion_command:completion_command")

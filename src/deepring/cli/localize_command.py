@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 from rich.table import Table
+from rich.text import Text
 
 from deepring.cli.console import console
 from deepring.cli.joined_scans import JoinedScans
@@ -185,12 +186,15 @@ def print_table(rows: Sequence[Row]) -> None:
     found = TABLE if refined else ("x m", "y m", "yaw °", "fit", "ratio")
     table = Table(box=None, header_style="bold")
     for name in ("scan", *found, "trusted", "found by"):
-        table.add_column(name, justify="left" if name in ("scan", "found by") else "right")
+        if name in ("scan", "found by"):  # names give way on narrow terminals, numbers do not
+            table.add_column(name, overflow="fold")
+        else:
+            table.add_column(Text(name), justify="right", no_wrap=name != "trusted")
     for row in rows:
         name = printable(Path(row["scan"]).name)
         table.add_row(
             name if row["stamp"] is None else f"{name} {row['stamp']}",
-            *(table_cells(row["refined"]) if refined else _location_cells(row)),
+            *map(Text, table_cells(row["refined"]) if refined else _location_cells(row)),
             _trust(row),
             printable(row["name"]),
         )

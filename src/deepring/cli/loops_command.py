@@ -146,7 +146,7 @@ def _say(result: DriveResult, written: Iterable[Path]) -> None:
     if errors:
         table = Table(box=None, header_style="bold")
         for name in error_head(errors):
-            table.add_column(name, justify="right" if name else "left")
+            table.add_column(name, justify="right" if name else "left", overflow="fold")
         for row in error_rows(errors):
             table.add_row(*row)
         console.print(table)

@@ -56,19 +56,28 @@ class NetVlad(nn.Module):
         self.gate = ContextGating(dimension) if gating else nn.Identity()
 
     def residuals(
-        self, x: Float[Tensor, "batch n feature"]
+        self,
+        x: Float[Tensor, "batch n feature"],
+        attention: Float[Tensor, "batch n"] | None = None,
     ) -> Float[Tensor, "batch cluster feature"]:
-        """V_k = Σ_i a_k(x_i) (x_i - c_k), intra-normalised, then at unit norm: (b, clusters, f).
+        """V_k = Σ_i w_i a_k(x_i) (x_i - c_k), intra-normalised, all at unit norm: (b, clusters, f).
 
-        a_k(x) is the softmax over k of BN(x W). Each V_k has norm 1, or 0 if it is zero, before
-        the whole is normalised.
+        a_k(x) is the softmax over k of BN(x W), w_i the attention (b, n) of each point, 1 without
+        (PCAN, Zhang and Xiao, CVPR 2019). Each V_k has norm 1, or 0 if it is zero, before the whole
+        is normalised.
         """
         logits = x @ self.assignment
         share = self.assignment_norm(logits.flatten(0, 1)).view_as(logits).softmax(dim=-1)
+        if attention is not None:
+            share = share * attention[..., None]
         vlad = share.transpose(1, 2) @ x - share.sum(dim=1).unsqueeze(-1) * self.centres
         return F.normalize(F.normalize(vlad, dim=2).flatten(1), dim=1).view_as(vlad)
 
-    def forward(self, x: Float[Tensor, "batch n feature"]) -> Float[Tensor, "batch value"]:
-        """Vectors (b, dimension) of features (b, n, f)."""
-        vector = self.residuals(x).flatten(1) @ self.projection
+    def forward(
+        self,
+        x: Float[Tensor, "batch n feature"],
+        attention: Float[Tensor, "batch n"] | None = None,
+    ) -> Float[Tensor, "batch value"]:
+        """Vectors (b, dimension) of features (b, n, f), and of attention (b, n) where it counts."""
+        vector = self.residuals(x, attention).flatten(1) @ self.projection
         return self.gate(self.projection_norm(vector))

@@ -38,6 +38,9 @@ _METHODS = (
     "rinet",
     "lpdnet",
     "overlapnet",
+    "lcdnet",
+    "dh3d",
+    "locus",
 )
 _SCAN = np.array(scene(1), np.float32)
 

@@ -1,7 +1,7 @@
 """Pairs of scans with their overlap and the turn between them (OverlapNet: Chen et al., 2020)."""
 
 from dataclasses import dataclass
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring import checks
-from deepring.core.rigid import planar_pose, wrap_angle
+from deepring.core.rigid import wrap_angle
 from deepring.errors import ConfigError, DataError
 from deepring.methods.network import NetworkMethod
 from deepring.progress import progress_bar
@@ -106,19 +106,11 @@ class OverlapSet(TrainingSet[OverlapBatch]):
         with progress_bar("overlaps of training scans") as bar:
             for k in range(0, len(self.pairs), _PAIRS):
                 pairs = self.pairs[k : k + _PAIRS]
-                poses = np.stack([self.relative_pose(*pair) for pair in pairs])
+                poses = np.stack([self.scans.level_pose(*pair) for pair in pairs])
                 limits = self.scheme.tolerance, self.scheme.around
                 found.append(self.raster.overlaps(ranges, pairs, poses, *limits))
                 bar(k + len(pairs), len(self.pairs))
         return np.concatenate(found)
-
-    def relative_pose(self, first: int, second: int) -> NDArray[np.float64]:
-        """The level transform (4, 4) that carries the second scan's points onto the first's."""
-        poses = []
-        for scan in (first, second):
-            x, y = self.scans.positions[scan]
-            poses.append(planar_pose(x, y, self.scans.headings[scan]))
-        return cast("NDArray[np.float64]", np.linalg.inv(poses[0]) @ poses[1])
 
     def __len__(self) -> int:
         """Batches per epoch."""
