@@ -44,7 +44,7 @@ def blobs(seed, number=6, points=60, width=0.2, reach=40.0):
     return cloud.reshape(-1, 3).astype(np.float32)
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=12, deadline=None, derandomize=True)
 @given(st.sampled_from([0.0, 0.02, 0.2, 1.5]), st.integers(0, 99))
 def test_clusters_are_those_of_all_pairs_where_cells_hold_one_point(growth, seed):
     rng = np.random.default_rng(seed)
@@ -57,7 +57,7 @@ def test_clusters_are_those_of_all_pairs_where_cells_hold_one_point(growth, seed
         assert refines(expected, found)
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=8, deadline=None, derandomize=True)
 @given(st.sampled_from([0.0, 0.03]), st.integers(0, 99))
 def test_thinned_clusters_lie_between_those_of_half_and_of_one_and_a_half_tolerances(growth, seed):
     points = blobs(seed, number=8, width=0.3, reach=6.0).astype(np.float64)
