@@ -1,11 +1,13 @@
 """Pairs of scans of two drives: how alike methods find them, and the turn between them.
 
     python benchmarks/pairs.py drive.yaml map query [--methods ssc scan_context ring] [--count 60]
+                               [--way same | opposite]
 
 Turns and offsets are of pairs in bands of distance; of turns, errors modulo the method's period.
 The pairs of the table of SSC (Li et al. 2021): positive within 3 m, negative beyond 20 m. F1 is the
 largest, EP is (P0 + R100) / 2: the precision of the highest score, and the largest recall without
-a wrong pair. The paper has 100 negatives for a positive.
+a wrong pair. The paper has 100 negatives for a positive. ``--way`` takes positives alone in which
+both drives head the same way, or opposite ways, to within 45 degrees, and prints F1 and EP alone.
 """
 
 import argparse
@@ -68,13 +70,30 @@ def f1_and_ep(scores: NDArray[np.float64], right: NDArray[np.bool_]) -> tuple[fl
     return float(f1.max()), float((precision[0] + recall[precision == 1].max(initial=0)) / 2)
 
 
-def measure(method: Method, drives: tuple[Session, Session], ground: float, count: int) -> None:
+def distances(drives: tuple[Session, Session], way: str | None) -> NDArray[np.float64]:
+    """Metres (q, p) from each query to each place; NaN where near ones head another ``way``."""
+    offsets = drives[1].positions[:, None] - drives[0].positions[None]
+    distance = np.hypot(offsets[..., 0], offsets[..., 1])
+    if way is not None:
+        places, queries = (np.array([yaw_of(pose) for pose in drive.poses]) for drive in drives)
+        turn = np.abs((queries[:, None] - places + np.pi) % (2 * np.pi) - np.pi)
+        right = turn < np.pi / 4 if way == "same" else turn > 3 * np.pi / 4
+        distance[(distance < FAR) & ~right] = np.nan
+    return distance
+
+
+def measure(
+    method: Method,
+    drives: tuple[Session, Session],
+    ground: float,
+    count: int,
+    way: str | None = None,
+) -> None:
     """Print the rows of one method."""
     places, queries = (Described(method, drive, ground) for drive in drives)
-    offsets = drives[1].positions[:, None] - drives[0].positions[None]
-    distance, rng = np.hypot(offsets[..., 0], offsets[..., 1]), np.random.default_rng(0)
+    distance, rng = distances(drives, way), np.random.default_rng(0)
     period = float(getattr(method, "turn_period", 2 * math.pi))
-    for low, high in BANDS:
+    for low, high in BANDS if way is None else ():
         errors, ways = [], []
         for query, place in pairs_between(distance, low, high, count, rng):
             turn = method.compare(queries[query], places[place]).turn
@@ -109,12 +128,13 @@ def main() -> None:
     parser.add_argument("--format", default="custom")
     parser.add_argument("--methods", nargs="+", default=["ssc", "scan_context", "ring"])
     parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--way", choices=["same", "opposite"])
     args = parser.parse_args()
     first, second = (open_session(args.format, args.root, name) for name in args.sessions)
     for name in args.methods:
         method: Any = method_class(name)()
         print(name)
-        measure(method, (first, second), ground_of(first, args.format), args.count)
+        measure(method, (first, second), ground_of(first, args.format), args.count, args.way)
 
 
 if __name__ == "__main__":

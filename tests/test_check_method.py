@@ -37,8 +37,10 @@ TURNLESS = (
     "cart_context",
     "locnet",
     "rinet",
+    "lcdnet",
     "lpdnet",
     "dh3d",
+    "locus",
 )
 WITHOUT_TURN = {"turn": "compare returns no turn"}
 

@@ -53,7 +53,7 @@ def test_tables_come_of_one_command_and_a_second_start_trains_nothing(
     written = {path.name for path in (sweep / "tables").iterdir()}
     assert {"table1.md", "further.tex", "comparison.csv", "pr_curves.png"} <= written
     again = deepring(*learned, cwd=tmp_path)
-    assert "finished before: skipped" in again.stdout
+    assert "finished before: skipped" in again.stderr
     # The kept descriptors give the same figures without scans or network; re-ranking needs scans.
     scored = deepring("score", job, "-o", "again.csv", cwd=tmp_path)
     assert scored.returncode == 0, scored.stderr

@@ -61,7 +61,7 @@ def test_names_of_places_are_printed_as_text(name, named):
     assert is_plain(done.stdout)
     (row,) = csv.DictReader(io.StringIO(done.stdout))
     assert row["name"] == shown
-    done = deepring("localize", "a.map", "scan.npy", "--as", "json", cwd=named)
+    done = deepring("localize", "a.map", "scan.npy", "--as", "jsonl", cwd=named)
     assert is_plain(done.stdout)
     assert json.loads(done.stdout)["name"] == name
 

@@ -62,7 +62,7 @@ def test_maps_have_pages(here, tmp_path):
 
 def test_located_scans_have_a_page_beside_the_table(here, tmp_path):
     np.save(tmp_path / "scans" / "3.npy", np.full((50, 3), 5000.0))
-    done = here("localize", "a.map", "scans", "--as", "json", "--page", "a.html")
+    done = here("localize", "a.map", "scans", "--as", "jsonl", "--page", "a.html")
     assert done.returncode == 1
     rows = [json.loads(line) for line in done.stdout.splitlines()]
     page = (tmp_path / "a.html").read_text()
@@ -76,7 +76,7 @@ def test_located_scans_have_a_page_beside_the_table(here, tmp_path):
 
 
 def test_a_drive_s_own_poses_are_compared_with(here, tmp_path):
-    done = here("localize", "a.map", "drive.yaml", "--as", "json", "--page", "a.html")
+    done = here("localize", "a.map", "drive.yaml", "--as", "jsonl", "--page", "a.html")
     assert done.returncode == 0, done.stderr
     off = [
         np.hypot(row["x"] - x, row["y"] - y)

@@ -63,7 +63,7 @@ def test_scans_are_located_as_a_table_json_and_csv(place_map, second, tmp_path, 
     assert shown.returncode == 0, shown.stderr
     assert "trusted" in shown.stdout
     options = ["--format", "nclt", "--as"]
-    lines = here("localize", place_map, *names, *options, "json").stdout
+    lines = here("localize", place_map, *names, *options, "jsonl").stdout
     rows = [json.loads(line) for line in lines.splitlines()]
     table = here("localize", place_map, *names, *options, "csv").stdout
     for row, k, other in zip(rows, (0, 3), csv.DictReader(io.StringIO(table)), strict=True):
@@ -75,7 +75,7 @@ def test_scans_are_located_as_a_table_json_and_csv(place_map, second, tmp_path, 
 def test_the_whole_pose_is_given_as_a_table_json_and_csv(place_map, second, here):
     names = [str(second.files[k]) for k in (0, 3)]
     options = ["--format", "nclt", "--refine", "--as"]
-    lines = here("localize", place_map, *names, *options, "json").stdout
+    lines = here("localize", place_map, *names, *options, "jsonl").stdout
     rows = [json.loads(line) for line in lines.splitlines()]
     table = here("localize", place_map, *names, *options, "csv").stdout
     for row, k, other in zip(rows, (0, 3), csv.DictReader(io.StringIO(table)), strict=True):
@@ -115,7 +115,7 @@ def test_a_tunnel_is_said_to_hold_nothing_along_it(tmp_path, here):
     place_map.save(tmp_path / "one.map")
     np.save(tmp_path / "scan.npy", tunnel())
     assert "unobservable" in here("localize", "one.map", "scan.npy", "--refine").stdout
-    row = json.loads(here("localize", "one.map", "scan.npy", "--refine", "--as", "json").stdout)
+    row = json.loads(here("localize", "one.map", "scan.npy", "--refine", "--as", "jsonl").stdout)
     (direction,) = row["refined"]["unobservable"]
     assert direction["name"] in ("along 0°", "along 180°")
     assert row["refined"]["covariance"][0][0] > 0.25
@@ -180,7 +180,7 @@ def test_a_map_of_one_place_tells_other_places(tmp_path, here):
         np.save(tmp_path / "scans" / f"{seed}.npy", scattered(seed))
     rows = [
         json.loads(line)
-        for line in here("localize", "one.map", "scans", "--as", "json").stdout.splitlines()
+        for line in here("localize", "one.map", "scans", "--as", "jsonl").stdout.splitlines()
     ]
     assert [row["trusted"] for row in rows] == [True, *[False] * 8]
     doubts = [row["doubt"] for row in rows]
@@ -204,7 +204,7 @@ def test_a_precision_that_is_no_share_is_refused_before_anything_is_read(here):
 def test_a_map_is_built_with_the_network_of_the_package(tiny_nclt, second, here):
     done = here(*BUILD, tiny_nclt, "--session", "2031-02-04", "--spacing", 10, "-o", "shipped.map")
     assert done.returncode == 0, done.stderr
-    rows = here("localize", "shipped.map", second.files[3], "--format", "nclt", "--as", "json")
+    rows = here("localize", "shipped.map", second.files[3], "--format", "nclt", "--as", "jsonl")
     row = json.loads(rows.stdout)
     assert math.hypot(*(second.positions[3] - [row["x"], row["y"]])) < 2
     done = here("export", "shipped", "-o", "again.safetensors")
@@ -216,7 +216,7 @@ def test_a_folder_of_ones_own_scans(place_map, second, tmp_path, here):
     (tmp_path / "scans").mkdir()
     for k in (0, 1):
         np.save(tmp_path / "scans" / f"{k}.npy", second.points(k))
-    done = here("localize", place_map, "scans", "--as", "json")
+    done = here("localize", place_map, "scans", "--as", "jsonl")
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == 2
 
@@ -229,7 +229,7 @@ def test_a_scan_that_cannot_be_located_does_not_hide_the_others(place_map, secon
         np.save(tmp_path / f"{name}.npy", points)
     (tmp_path / "d.npy").write_bytes(b"no scan")
     names = [f"{name}.npy" for name in "abcde"]
-    done = here("localize", place_map, *names, "--as", "json")
+    done = here("localize", place_map, *names, "--as", "jsonl")
     assert done.returncode == 1
     assert [json.loads(line)["scan"] for line in done.stdout.splitlines()] == ["a.npy", "b.npy"]
     errors = [line for line in done.stderr.splitlines() if line.startswith("error")]
@@ -243,7 +243,7 @@ def test_a_scan_that_cannot_be_located_does_not_hide_the_others(place_map, secon
 def test_scans_of_a_bag_are_located(kind, place_map, second, tmp_path, here):
     clouds = [message(second.points(k)) for k in range(4)]
     bag = write_bag(tmp_path, kind, {"/imu": ["none"], "/points": clouds})
-    done = here("localize", place_map, bag, "--every", 3, "--as", "json")
+    done = here("localize", place_map, bag, "--every", 3, "--as", "jsonl")
     assert done.returncode == 0, done.stderr
     rows = [json.loads(line) for line in done.stdout.splitlines()]
     assert [(row["scan"], row["stamp"]) for row in rows] == [
@@ -277,7 +277,7 @@ def test_a_bag_of_which_nothing_or_a_part_is_read_is_a_failure(place_map, second
     bag = write_bag(tmp_path, "mcap", {"/points": clouds})
     whole = bag.read_bytes()
     bag.write_bytes(whole[:-20])
-    done = here("localize", place_map, bag, "--as", "json")
+    done = here("localize", place_map, bag, "--as", "jsonl")
     assert done.returncode != 0
     assert [json.loads(line)["stamp"] for line in done.stdout.splitlines()] == [
         START,
@@ -297,7 +297,7 @@ def test_what_is_wrong_with_a_message_does_not_hide_those_before(place_map, seco
     empty = message(second.points(1)[:0])
     bag = write_bag(tmp_path, "mcap", {"/points": [empty, message(second.points(0)), flat]})
     np.save(tmp_path / "a.npy", second.points(2))
-    done = here("localize", place_map, bag, "a.npy", "--as", "json")
+    done = here("localize", place_map, bag, "a.npy", "--as", "jsonl")
     assert done.returncode == 1
     stamps = [json.loads(line)["stamp"] for line in done.stdout.splitlines()]
     assert stamps == [START + 10**8, None]
@@ -310,8 +310,8 @@ def test_a_sensor_at_another_height_says_where_the_ground_is(place_map, second, 
     lower = second.points(0) + np.float32([0, 0, 20])
     np.save(tmp_path / "lower.npy", lower)
     np.save(tmp_path / "as_built.npy", second.points(0))
-    told = here("localize", place_map, "lower.npy", "--ground-z", 20, "--as", "json")
-    usual = here("localize", place_map, "as_built.npy", "--as", "json")
+    told = here("localize", place_map, "lower.npy", "--ground-z", 20, "--as", "jsonl")
+    usual = here("localize", place_map, "as_built.npy", "--as", "jsonl")
     assert told.returncode == 0, told.stderr
     row, expected = json.loads(told.stdout), json.loads(usual.stdout)
     assert row["fit"] == pytest.approx(expected["fit"], abs=0.02)
@@ -426,7 +426,7 @@ def test_a_custom_drive_is_taken_wherever_a_dataset_is(
     np.testing.assert_allclose(custom.places.poses, lifted, atol=1e-9)
     images = [one.places.tensors()["images"] for one in (custom, nclt)]
     assert (images[0] != images[1]).float().mean() < 0.01  # bytes; heights are rounded
-    some = ["--session", "second", "--every", 30, "--as", "json"]
+    some = ["--session", "second", "--every", 30, "--as", "jsonl"]
     done = here("localize", "custom.map", "drive.yaml", *some)
     assert done.returncode == 0, done.stderr
     rows = [json.loads(line) for line in done.stdout.splitlines()]
@@ -495,7 +495,7 @@ def test_what_the_reader_skips_is_said(custom_drive, tmp_path, here):
     for done in (
         here(*BUILD, *drive, "-o", "a.map"),
         here("loops", *drive, "--spacing", 20, "-o", "a"),
-        here("localize", "a.map", *drive, "--every", 40, "--as", "json"),
+        here("localize", "a.map", *drive, "--every", 40, "--as", "jsonl"),
     ):
         assert done.returncode == 0, done.stderr
         assert "warning: session first: left out 1 broken files" in done.stderr
@@ -561,7 +561,7 @@ def test_consecutive_scans_are_joined(place_map, second, tmp_path, here, monkeyp
     whole.save(tmp_path / "whole.map")
 
     def rows(*options):
-        done = here("localize", "whole.map", *options, "--as", "json")
+        done = here("localize", "whole.map", *options, "--as", "jsonl")
         assert done.returncode == 0, done.stderr
         return [json.loads(line) for line in done.stdout.splitlines()], done.stderr
 

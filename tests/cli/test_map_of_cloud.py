@@ -42,7 +42,7 @@ def test_a_scan_is_located_in_the_clouds_coordinates(folder, here, tmp_path, pat
     options += ["--spacing", 6, "--height", HEIGHT, "--fov", -25, 20]
     done = here(*BUILD, folder / "city.pcd", *options, "-o", "city.map", "--points")
     assert done.returncode == 0, done.stderr
-    row = json.loads(here("localize", "city.map", folder / "scan.npy", "--as", "json").stdout)
+    row = json.loads(here("localize", "city.map", folder / "scan.npy", "--as", "jsonl").stdout)
     assert abs(row["x"] - 345603) < 2
     assert abs(row["y"] - 4037601) < 2
     assert abs(row["yaw"] + 1.0) < 0.1

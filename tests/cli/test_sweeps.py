@@ -109,7 +109,7 @@ def test_one_failing_job_loses_no_other_and_the_next_start_skips_what_is_done(ti
     sweep = tmp_path / "outputs" / "sweeps" / "demo_sweep"
     assert set(rates(sweep)) == {"seed-0"}
     again = deepring(*command, cwd=tmp_path)
-    assert "seed-0: finished before: skipped" in again.stdout
+    assert "seed-0: finished before: skipped" in again.stderr
     assert "1 of 2 jobs finished" in again.stdout
 
 
@@ -127,8 +127,8 @@ def test_a_killed_sweep_started_again_ends_in_the_same_figures(tiny_nclt, tmp_pa
     assert not (job / "results.csv").exists()  # in mid-run, indeed
     again = deepring("train", "-m", *command, "sweep_name=killed", cwd=tmp_path)
     assert again.returncode == 0, again.stderr
-    assert "seed-0+variant-ours: going on from" in again.stdout
-    assert "seed-0+variant-gap: going on" not in again.stdout
+    assert "seed-0+variant-ours: going on from" in again.stderr
+    assert "seed-0+variant-gap: going on" not in again.stderr
     whole = deepring("train", "-m", *command, "sweep_name=whole", cwd=tmp_path)
     assert whole.returncode == 0, whole.stderr
     assert not list((sweeps / "demo_whole").glob(".outcomes*"))

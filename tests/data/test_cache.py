@@ -70,13 +70,17 @@ def session(folder, n=6, read=read_npy):
             np.save(files[-1], points)
     poses = np.tile(np.eye(4), (n, 1, 1))
     poses[:, 0, 3] = 5.0 * np.arange(n)
-    columns = {"label": PointColumn(labels_of)}
+    columns = {"label": PointColumn(labels_of), "intensity": PointColumn(intensities_of)}
     xy = poses[:, :2, 3].copy()
     return Session("s", tuple(files), poses, xy, None, read, columns=columns)
 
 
 def labels_of(path):
     return with_columns(np.load(path), ["label"])[:, 3]
+
+
+def intensities_of(path):
+    return with_columns(np.load(path), ["intensity"])[:, 3]
 
 
 def scan_set(folder, n=6, **changes):
@@ -204,6 +208,8 @@ def changed_values(value):
         return [replace(value, **{name: v}) for name, vs in changes.items() for v in vs]
     if value is None:
         return [0.25]
+    if isinstance(value, tuple) and len(value) > 2 and all(isinstance(n, int) for n in value):
+        return [(*value[:-1], 2 * value[-1])]
     if isinstance(value, tuple) and len(value) != 2:
         return [(*value, 0.5)]
     if isinstance(value, tuple):
@@ -211,7 +217,7 @@ def changed_values(value):
     if isinstance(value, bool):
         return [not value]
     if isinstance(value, str):
-        return [{"nearest": "last", "range": "difference"}[value]]
+        return [{"nearest": "last", "range": "difference", "sensor": "radial"}[value]]
     return [value + (3 if value == 1 else 2)]  # some are 1 or 4, and a window is odd
 
 
@@ -223,7 +229,7 @@ def changed_rasters():
             base = replace(base, least=1)
         if kind == "height_ranges":  # of whatever height the few points are
             base = replace(base, height=(-50.0, 50.0))
-        if kind == "ring_histogram":
+        if kind in ("ring_histogram", "range_normals"):
             base = replace(base, elevation=(-80.0, 80.0))
         for field in fields(base):
             for k, value in enumerate(changed_values(getattr(base, field.name))):

@@ -18,7 +18,6 @@ from deepring.evaluation.pose_errors import (
     PoseErrors,
     planar_errors,
     pose_errors,
-    raster_poses,
     write_pose_errors,
 )
 from deepring.evaluation.protocol import evaluate_method
@@ -36,7 +35,7 @@ def scan_set(poses, points, turns=None, ground_z=-1.5):
     return ScanSet(session, np.arange(len(poses)), ground_z, turns)
 
 
-def test_raster_poses_are_those_of_the_points_that_a_raster_has():
+def test_frames_are_those_of_the_points_that_a_raster_has():
     rng = np.random.default_rng(0)
     world = np.array([100.0, 50.0, 0.0]) + rng.uniform(-5, 5, (64, 3))
     angles = rng.uniform(-0.1, 0.1, (2, 2)), [0.3, 2.0]
@@ -47,8 +46,8 @@ def test_raster_poses_are_those_of_the_points_that_a_raster_has():
     raster = PointsRaster(count=64)
     turns = np.array([0.0, 1.2])
     scans = scan_set(poses, points, turns)
-    assert raster_poses(scans).shape == (2, 4, 4)
-    for k, pose in enumerate(raster_poses(scans)):
+    assert scans.frames.shape == (2, 4, 4)
+    for k, pose in enumerate(scans.frames):
         turned = planar_pose(0, 0, turns[k])
         seen = moved_points(points[k], turned) - [0, 0, scans.ground_z]
         np.testing.assert_allclose(moved_points(seen, pose), world, atol=1e-4)
@@ -56,7 +55,7 @@ def test_raster_poses_are_those_of_the_points_that_a_raster_has():
         assert np.linalg.norm(shown[:, None] - seen[None], axis=-1).min(axis=1).max() < 0.05
     # The usual misreading: the pose turned with the points, not against them.
     wrong = poses[1] @ planar_pose(0, 0, turns[1], scans.ground_z)
-    assert np.abs(raster_poses(scans)[1] - wrong).max() > 0.5
+    assert np.abs(scans.frames[1] - wrong).max() > 0.5
 
 
 def whole():

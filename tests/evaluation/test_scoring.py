@@ -16,12 +16,14 @@ from deepring.evaluation.descriptors import (
 from deepring.evaluation.fingerprint import fingerprint
 from deepring.evaluation.matches import COLUMNS
 from deepring.evaluation.protocol import evaluate_method
+from deepring.evaluation.reranked import evaluate_reranked
 from deepring.evaluation.scoring import (
     Pair,
     find_pairs,
     score_descriptors,
     score_pair,
 )
+from deepring.localization.candidates import RerankSettings
 from deepring.methods import registry
 from deepring.methods.deepring import DeepRing
 from deepring.methods.method import Comparison, rebuild_method
@@ -63,7 +65,7 @@ def exported(tmp_path_factory):
 
 
 #: Methods whose comparison has weights of its own.
-BY_WEIGHTS = ("rinet",)
+BY_WEIGHTS = ("rinet", "overlapnet")
 
 
 def assert_same(ours, theirs):
@@ -90,6 +92,23 @@ def test_the_outcome_is_that_of_the_evaluation(label, exported):
         return
     assert_same(score_pair(pair), outcome)
     assert all(r.seconds_per_query > 0 for r in score_pair(pair).results)
+
+
+@pytest.fixture(scope="module")
+def seen_from_above():
+    return road_task(BevRaster())
+
+
+@pytest.mark.parametrize("label", TINY)
+def test_the_candidates_of_every_method_are_aligned(label, exported, seen_from_above):
+    _, _, outcome, *_ = exported(label)
+    before = outcome.matches.place
+    settings = RerankSettings(candidates=2)
+    (aligned,) = evaluate_reranked(outcome, seen_from_above, ["pose"], settings)
+    after = aligned.matches.place
+    assert (np.sort(after[:, :2]) == np.sort(before[:, :2])).all()
+    assert (after[:, 2:] == before[:, 2:]).all(), "behind them, the rest as it was"
+    assert aligned.results[0].recall_1 >= outcome.results[0].recall_1
 
 
 @pytest.mark.parametrize("label", ["ring", "deepring"])

@@ -24,7 +24,11 @@ FIXED = (
 LEARNED = [name for name in METHODS if name not in FIXED]
 
 #: Learned methods that take the raw scan, ground and all, as published.
-RAW = ("locnet", "locnet_small", "rinet", "rinet_small")
+RAW = (
+    *("locnet", "locnet_small", "rinet", "rinet_small"),
+    *("overlapnet", "overlapnet_small"),
+    "lcdnet",
+)
 
 #: Methods that need classes of points; see `test_labelled_evaluation`.
 LABELLED = ("rinet",)

@@ -66,7 +66,7 @@ def test_aligned_and_drawn_it_is_evaluated_like_any_other(tiny_kitti, composed, 
     )
     plan = plan_evaluation(cfg)
     open_run_folder(plan.record, tmp_path / "run")
-    results = evaluate(plan, tmp_path / "run")
+    results = evaluate(plan, tmp_path / "run").results
     names = {result.case.method for result in results}
     assert {"RING", "RING + pose re-ranking", "RING + map poses (localisation)"} <= names
     best = max(r.recall_1 for r in results if r.radius_m == 10.0)

@@ -148,7 +148,7 @@ def test_tensorboard_holds_scalars_figures_curves_and_hyperparameters(small_run)
 
 def test_evaluating_the_checkpoint_again_gives_the_same_figures(small_run, tmp_path):
     cfg, trained = small_run
-    again = evaluate(plan_evaluation(cfg, trained.checkpoint), tmp_path / "again")
+    again = evaluate(plan_evaluation(cfg, trained.checkpoint), tmp_path / "again").results
     for a, b in zip(trained.results, again, strict=True):
         assert (a.case, a.radius_m, a.recall_1, a.auc) == (
             b.case,
@@ -162,7 +162,7 @@ def test_how_good_at_25_m_over_all_queries_needs_no_code(composed, tiny_nclt, tm
     choice = ("evaluation.radii=[25]", "evaluation.over=all", "evaluation.figures=false")
     choice += ("evaluation.rerank=[]",)
     cfg = composed(f"data.root={tiny_nclt}", *choice, name="evaluate")
-    results = evaluate(plan_evaluation(cfg), tmp_path / "run")
+    results = evaluate(plan_evaluation(cfg), tmp_path / "run").results
     assert [r.radius_m for r in results] == [25, 25, 25]
     assert "all queries" in (tmp_path / "run" / "results.md").read_text()
 
@@ -272,7 +272,7 @@ def test_a_query_that_cannot_be_decoded_is_left_out_everywhere(
     query = plan_evaluation(cfg).splits[0].query
     scan = query.session.files[query.indices[int(which * (len(query) - 1))]]
     scan.write_bytes(bytes(1600))  # a hundred records without one valid point
-    results = evaluate(plan_evaluation(cfg), tmp_path / "run")
+    results = evaluate(plan_evaluation(cfg), tmp_path / "run").results
     assert results[0].queries == len(query) - 1
     assert scan.name in caplog.text
     assert len(list((tmp_path / "run" / "figures").glob("sinogram*.png"))) == 3

@@ -79,7 +79,8 @@ def refused(done, *words):
 @contextlib.contextmanager
 def as_new_process(cwd) -> Iterator[None]:
     """Put everything back that a command changes in its process: as if it had ended."""
-    environment, arguments = dict(os.environ), sys.argv
+    environment, arguments, before = dict(os.environ), sys.argv, progress._silent
+    progress.silence()  # whether a stage says how far it is depends on the time that it takes
     with contextlib.chdir(cwd), warnings.catch_warnings(), _logging_restored():
         os.environ["COLUMNS"] = "120"
         try:
@@ -88,7 +89,7 @@ def as_new_process(cwd) -> Iterator[None]:
             os.environ.clear()
             os.environ.update(environment)
             sys.argv = arguments
-            progress._silent = False
+            progress._silent = before
             _forget_hydra()
 
 

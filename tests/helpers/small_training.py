@@ -45,6 +45,18 @@ TINY_METHODS = {
         *("sampling.pairs=4", "sampling.per_epoch=2"),
         *("sampling.positive_radius=10", "sampling.negative_radius=20"),
     ),
+    "overlapnet": (
+        *("method.raster.sectors=64", "method.raster.rows=12", "method.raster.viewpoint=1.8"),
+        *("method.layers=[[5,5,2,2,4],[4,3,1,1,4]]", "method.widths=[2,2,2]", "method.block=6"),
+        *("sampling.pairs=4", "sampling.per_epoch=2"),
+    ),
+    "lcdnet": (
+        *("method.raster.keypoints=16", "method.raster.max_points=100", "method.raster.size=2"),
+        *("method.raster.preprocessing.height=[-28,20]", "method.raster.full_intensity=255"),
+        *("method.widths=[2,2,2,2,4]", "method.features=8", "method.clusters=2"),
+        *("method.momentum=0.1", "sampling.pairs=2", "sampling.per_epoch=2"),
+        "sampling.positive_radius=10",
+    ),
     "dh3d": (
         *("method.raster.count=64", "method.stem=4", "method.first=4", "method.second=4"),
         *("method.detector=[4]", "method.features=8", "method.attention=4", "method.clusters=2"),
@@ -53,5 +65,10 @@ TINY_METHODS = {
     "rinet": (
         *("method.raster.sectors=36", "method.widths=[2,2]", "method.steps=[3]"),
         *("sampling.pairs=4", "sampling.per_epoch=2"),
+    ),
+    "locus": (
+        *("method.raster.cells=[4,4,4]", "method.raster.growth=0.02", "method.channels=[2,2,2]"),
+        *("method.raster.least_points=20", "method.hidden=8", "method.feature=8"),
+        *("loss.cells=[4,4,4]", "loss.feature=8", "sampling.size=4", "sampling.per_epoch=2"),
     ),
 }

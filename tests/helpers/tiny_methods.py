@@ -1,5 +1,7 @@
 """Every registered method at a size that describes a scan in milliseconds, untrained."""
 
+from dataclasses import replace
+
 import torch
 
 from deepring.methods.deepring import DeepRing
@@ -7,10 +9,13 @@ from deepring.methods.dh3d import Dh3d, Dh3dSettings
 from deepring.methods.disco import Disco, DiscoSettings
 from deepring.methods.egonn import EgoNnGlobal, EgoNnSettings
 from deepring.methods.fast_histogram import FastHistogram
+from deepring.methods.lcdnet import LcdNet, LcdNetSettings
 from deepring.methods.lidar_iris import LidarIris
 from deepring.methods.locnet import LocNet, LocNetSettings
+from deepring.methods.locus import Locus, LocusSettings
 from deepring.methods.lpdnet import LpdNet, LpdNetSettings
 from deepring.methods.m2dp import M2dp
+from deepring.methods.overlapnet import OverlapNet, OverlapNetSettings
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.methods.rinet import RINet, RINetSettings
 from deepring.methods.ring import Ring
@@ -28,9 +33,13 @@ from deepring.rasters import (
     PointFeaturesRaster,
     PointsRaster,
     PolarContextRaster,
+    Preprocessing,
+    RangeNormalRaster,
     RingHistogramRaster,
+    SegmentsRaster,
     SemanticPointsRaster,
     SemanticRangesRaster,
+    VoxelMeansRaster,
     VoxelRaster,
     raster_settings,
 )
@@ -45,7 +54,14 @@ POLAR_CONTEXT = PolarContextRaster(sectors=24, rings=8, least=1)
 POINTS = PointsRaster(count=64)
 POINT_FEATURES = PointFeaturesRaster(count=64, neighbours=(6, 10))
 CLASSES = SemanticPointsRaster(sectors=36, rings=10, count=300)
+RANGES = RangeNormalRaster(
+    sectors=64, rows=12, elevation=(-25, 30), viewpoint=1.8, normals="radial"
+)
 RINGS = RingHistogramRaster(rows=16, buckets=20)
+MEANS = VoxelMeansRaster(200, 24, 2.0, 48.0, Preprocessing(height=(-28.0, 20.0), clearance=None))
+SEGMENTS = SegmentsRaster(
+    max_segments=12, cells=(4, 4, 4), tolerance=2.0, least_points=10, most_points=3000
+)
 VOXELS = VoxelRaster(degrees=6.0, ring=2.0, height=2.0, max_voxels=200)
 
 
@@ -93,10 +109,36 @@ def locnet():
     return LocNet(LocNetSettings(raster_settings(RINGS), channels=(4, 6), dimension=8))
 
 
+def lcdnet():
+    torch.manual_seed(0)
+    values = {"features": 16, "clusters": 4, "dimension": 8, "momentum": 0.1}
+    return LcdNet(LcdNetSettings(raster_settings(MEANS), widths=(4, 4, 6, 6, 8), **values))
+
+
 def rinet():
     torch.manual_seed(0)
     raster = raster_settings(SemanticRangesRaster(sectors=36))
     return RINet(RINetSettings(raster, widths=(4, 8), steps=(3,), hidden=8))
+
+
+def locus():
+    torch.manual_seed(0)
+    values = {"channels": (2, 2, 2), "hidden": 8, "feature": 8, "least_segments": 2}
+    return Locus(LocusSettings(raster_settings(SEGMENTS), **values)).eval()
+
+
+TINY_OVERLAPNET = OverlapNetSettings(
+    raster_settings(RANGES),
+    layers=((5, 5, 2, 2, 4), (4, 3, 1, 1, 6)),
+    circular=True,
+    block=8,
+    widths=(8, 8, 8),
+)
+
+
+def overlapnet(**changes):
+    torch.manual_seed(0)
+    return OverlapNet(replace(TINY_OVERLAPNET, **changes)).eval()
 
 
 def dh3d():
@@ -122,6 +164,9 @@ TINY = {
     "lpdnet": lpdnet,
     "egonn": egonn,
     "locnet": locnet,
+    "overlapnet": overlapnet,
     "rinet": rinet,
+    "lcdnet": lcdnet,
     "dh3d": dh3d,
+    "locus": locus,
 }

@@ -79,9 +79,15 @@ def small(name):
             return LocNet(LocNetSettings(raster, channels=(2, 2), dimension=4))
         case "lpdnet":
             return TINY["lpdnet"]()
+        case "locus":
+            return TINY["locus"]()
         case "rinet":
             raster = raster_settings(HeightRangesRaster(sectors=12, bands=4))
             return RINet(RINetSettings(raster, widths=(2, 4), steps=(3,), hidden=4))
+        case "lcdnet":
+            return TINY["lcdnet"]()
+        case "overlapnet":
+            return TINY["overlapnet"]()
         case "pointnetvlad":
             raster = raster_settings(PointsRaster(count=32))
             return PointNetVlad(
@@ -101,7 +107,10 @@ def small(name):
 
 METHODS = (
     *("deepring", "deepring l2", "ring", "ring published", "ring++", "scan context", "disco"),
-    *("pointnetvlad", "egonn", "locnet", "rinet", "lpdnet"),
+    *("pointnetvlad", "egonn", "locnet", "rinet", "locus"),
+    "lpdnet",
+    "overlapnet",
+    "lcdnet",
     *("fast histogram", "m2dp", "lidar iris", "polar context", "cart context"),
 )
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from deepring.errors import DeepringError
-from deepring.reports.table import Cell, Table, best_bold, csv, latex, markdown, terminal
+from deepring.reports.table import Cell, Table, best_bold, csv, latex, markdown
+from deepring.reports.terminal_table import terminal
 
 
 def grid(rows, headers=("what", "R@1"), names=1, **kwargs):
@@ -123,3 +124,33 @@ def test_the_terminal_shows_texts_as_they_are_and_rules_between_groups():
     between = ruled[ruled.index("[bold]0") : ruled.index("[bold]1")]
     assert between.count("\n") == 2
     assert plain[plain.index("[bold]0") : plain.index("[bold]1")].count("\n") == 1
+
+
+def test_a_table_that_fits_is_on_one_line_a_row():
+    rows = [[Cell("a method"), Cell("0.859 ± 0.010 (.80-.91)")]]
+    assert "a method  0.859 ± 0.010 (.80-.91)" in printed(grid(rows), width=80)
+
+
+def test_on_a_narrow_terminal_what_follows_a_number_comes_below_it():
+    rows = [[Cell("a method of a long name"), *[Cell("0.859 ± 0.010 (.80-.91)")] * 3]] * 2
+    table = grid(rows, headers=("what", "one", "two", "three"), breaks=[1])
+    lines = [line.rstrip() for line in printed(table, width=60).splitlines()]
+    assert max(map(len, lines)) <= 60
+    shown = [line.split() for line in lines]
+    first = shown.index(["a", "method", "of", "a", "long", "name", *["0.859"] * 3])
+    assert shown[first + 1 : first + 3] == [["±", "0.010"] * 3, [".80-.91"] * 3]
+    assert lines[first + 3] == ""  # between the two sections
+
+
+def test_names_are_broken_where_numbers_leave_little_room():
+    rows = [[Cell("Scan Context 120x120"), *[Cell("0.859 (.80-.91)")] * 4]]
+    table = grid(rows, headers=("what", *"abcd"))
+    assert max(map(len, printed(table, width=48).splitlines())) <= 48
+    assert "Scan" in printed(table, width=48)
+    assert "…" not in printed(table, width=48)
+
+
+def test_titles_and_notes_keep_to_the_width():
+    rows = [[Cell("a"), Cell("1")]]
+    table = Table("a title " * 12, ("what", "R@1"), rows, 1, notes=["a note " * 20])
+    assert max(map(len, printed(table, width=60).splitlines())) <= 60

@@ -3,13 +3,18 @@
 import argparse
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
 from itertools import chain, islice
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich import box
 from rich.table import Table
 
 from deepring.cli.console import console
+from deepring.cli.json_output import print_as
 from deepring.cli.named_methods import NamedMethods, named_methods
 from deepring.cli.options import expect_folder
 from deepring.cli.study_scans import Source, expect_scans, readable, source_of
@@ -71,10 +76,16 @@ def case_study_command(args: argparse.Namespace) -> None:
     for name, of in tables.items():
         if of:
             write_errors(args.output / name, of)
-    _report(source, pair, rows, complaints)
-    if of_methods:
-        _report_methods(of_methods, methods.left_out)
-    console.print(f"written      {args.output}/{', '.join(written)}")
+
+    def text() -> None:
+        _report(source, pair, rows, complaints)
+        if of_methods:
+            _report_methods(of_methods, methods.left_out)
+        console.print(f"written      {args.output}/{', '.join(written)}")
+
+    paths = [args.output / name for name in written]
+    content = partial(_content, source, pair, rows, of_methods, complaints, paths)
+    print_as(args, "case_study", content, text)
 
 
 def _noted(
@@ -120,6 +131,31 @@ def _motion(args: argparse.Namespace) -> Motion:
     yaw, direction = rng.uniform(0, 360), rng.uniform(0, 2 * math.pi)
     shift = args.translation * math.cos(direction), args.translation * math.sin(direction)
     return Motion(yaw if args.rotation is None else args.rotation, shift)
+
+
+def _content(
+    source: Source,
+    pair: TwinPair,
+    rows: Sequence[ErrorRow],
+    of_methods: Sequence[ErrorRow],
+    complaints: Sequence[str],
+    written: Sequence[Path],
+) -> dict[str, Any]:
+    """What the command tells, for the schema ``case_study``."""
+    return {
+        "source": source.title,
+        "format": source.format,
+        "pairs": rows[0].n,
+        "errors": [asdict(row) for row in rows],
+        "methods": [asdict(row) for row in of_methods],
+        "pair": {
+            "yaw_deg": float(pair.motion.yaw_deg),
+            "metres": math.hypot(*pair.motion.shift),
+            "errors": {view.name: float(view.error) for view in pair.views},
+        },
+        "left_out": list(complaints),
+        "written": list(written),
+    }
 
 
 def _report(

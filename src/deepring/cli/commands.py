@@ -24,9 +24,9 @@ COMMANDS = {
     "train": _Command(
         run_options.add_train,
         "train a method and evaluate it, or run a sweep (-m)",
-        "Train a method and evaluate it. resume=CHECKPOINT goes on in that run's folder, "
-        "start_from=CHECKPOINT\nbegins a run with the weights of an earlier stage; -m runs a "
-        "sweep, one job after the other,\nor as hydra/launcher= says.",
+        "Train a method and evaluate it. resume=CHECKPOINT goes on in that run's folder,\n"
+        "start_from=CHECKPOINT begins a run with the weights of an earlier stage; -m runs a\n"
+        "sweep, one job after the other, or as hydra/launcher= says.",
         HydraParser,
         partial(run_options.config_help, "train"),
     ),
@@ -125,6 +125,18 @@ COMMANDS = {
         "say what is installed, what fails, and what is slow",
         "Print versions, threads, GPU, folders, and measured times, to paste into a bug report. "
         "Exits with 1 if something makes commands fail.",
+    ),
+    "schema": _Command(
+        help_options.add_schema,
+        "print the JSON schema of an output, or of drive.yaml",
+        "Print a JSON Schema: of what commands print with --as json, or of drive.yaml "
+        "(drive_file).",
+    ),
+    "completion": _Command(
+        help_options.add_completion,
+        "print a script that lets a shell complete commands",
+        "Print a script that lets bash, zsh or tcsh complete commands, options, files and config "
+        "groups. It needs nothing but the shell.",
     ),
 }
 

@@ -3,14 +3,15 @@
 import argparse
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import get_args
 
 from deepring.cli.console import console
-from deepring.cli.main import parse, run
+from deepring.cli.json_output import print_json
+from deepring.cli.main import parse
 from deepring.cli.named_methods import ALL
 from deepring.cli.overrides import checked, choices_of
-from deepring.cli.train_commands import report_sweep, run_multirun
+from deepring.cli.tables_command import make_tables
+from deepring.cli.train_commands import report_sweep, run_multirun, say_failed, sweep_content
 from deepring.errors import ConfigError
 from deepring.experiment.compose import composed
 from deepring.experiment.config import Config
@@ -19,6 +20,7 @@ from deepring.experiment.dataset_columns import lacking_columns
 from deepring.experiment.entries import method_entries
 from deepring.experiment.every_method import Kind, every_method
 from deepring.experiment.sweep_names import swept
+from deepring.experiment.sweep_outcomes import SweepOutcomes
 
 #: The override of each option, with the values in place of {}.
 _OPTIONS = {"train": "train={}", "seeds": "seed={}", "test": "test=[{}]"}
@@ -28,17 +30,23 @@ def compare_command(args: argparse.Namespace) -> None:
     """Run both sweeps and print their tables; finished runs are skipped."""
     if args.learned == args.fixed == "":
         raise ConfigError("--learned, --fixed: both empty, expected at least one method; name one")
-    finished: list[Path] = []
-    failed = 0
+    sweeps: list[SweepOutcomes] = []
     for kind, overrides in list(_sweeps(args)):
-        outcomes = run_multirun(["-m", f"sweep={kind}", *overrides, *args.overrides])
-        finished += outcomes.finished
-        failed += report_sweep(outcomes)
-    sweeps = dict.fromkeys(folder.parent for folder in finished)
-    if sweeps:
-        run(parse(["tables", *map(str, sweeps)]))
+        sweeps.append(run_multirun(["-m", f"sweep={kind}", *overrides, *args.overrides]))
+        if args.form != "json":
+            report_sweep(sweeps[-1])
+        else:
+            say_failed(sweeps[-1])
+    finished = [folder for outcomes in sweeps for folder in outcomes.finished]
+    failed = any(outcomes.failed for outcomes in sweeps)
+    of_tables = None
+    if folders := dict.fromkeys(folder.parent for folder in finished):
+        of_tables = make_tables(parse(["tables", *map(str, folders), "--as", args.form]))
+    if args.form == "json":
+        print_json("sweep", {**sweep_content(sweeps), "tables": of_tables})
     if failed:
-        console.print("the same command goes on with what is left")
+        if args.form != "json":
+            console.print("the same command goes on with what is left")
         sys.exit(1)
 
 
@@ -68,7 +76,10 @@ def _methods(kind: Kind, args: argparse.Namespace) -> str | None:
         method_entries(config_folder()),
         lambda columns: lacking_columns(_data(kind, args), columns),
     )
-    console.print(f"{kind:<12} {choice}")
+    if args.form == "json":
+        print(f"{kind}: {choice}", file=sys.stderr)
+    else:
+        console.print(f"{kind:<12} {choice}")
     return ",".join(choice.names)
 
 

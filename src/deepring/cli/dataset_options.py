@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from deepring.cli.options import add_format, add_metres, add_output, add_session
+from deepring.cli.options import add_form, add_format, add_metres, add_output, add_session
 from deepring.cli.parser import Parser, number, subcommands, whole
 
 
@@ -14,6 +14,7 @@ def add_simulate(parser: Parser) -> None:
     parser.add_argument(
         "--workers", type=whole(1), default=2, help="number of processes (%(default)s)"
     )
+    add_form(parser, "text")
     parser.add_argument("knobs", nargs="*", metavar="KNOB=VALUE")
     parser.runs("deepring.cli.simulate_command:simulate_command", root="--output")
 
@@ -39,13 +40,7 @@ def add_data(parser: Parser) -> None:
     checker.add_argument("root", type=Path, metavar="FOLDER")
     add_format(checker)
     add_session(checker, "check only this session")
-    checker.add_argument(
-        "--as",
-        dest="form",
-        choices=("table", "json"),
-        default="table",
-        help="output format: %(choices)s (%(default)s)",
-    )
+    add_form(checker)
     checker.runs("deepring.cli.data_command:data_command")
 
 
@@ -67,6 +62,7 @@ def add_case_study(parser: Parser) -> None:
         help="turn of the pair in the figure (random)",
     )
     _add_folder(parser, "outputs/case_study")
+    add_form(parser)
     parser.runs("deepring.cli.case_study_command:case_study_command")
 
 
@@ -78,6 +74,7 @@ def add_properties(parser: Parser) -> None:
     )
     _add_methods(parser, "all")
     _add_folder(parser, "outputs/properties")
+    add_form(parser)
     parser.runs("deepring.cli.properties_command:properties_command")
 
 

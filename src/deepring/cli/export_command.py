@@ -2,9 +2,10 @@
 
 import argparse
 
-from deepring.cli.console import console
+from deepring.cli.json_output import show_written
 from deepring.cli.options import expect_new
 from deepring.errors import ConfigError
+from deepring.text import printable
 
 
 def export_command(args: argparse.Namespace) -> None:
@@ -24,7 +25,7 @@ def _export_weights(args: argparse.Namespace) -> None:
     from deepring.methods.network_file import load_network, write_network
 
     write_network(args.output, load_network(args.checkpoint, args.method))
-    console.print(f"written      {args.output}")
+    _say(args)
 
 
 def _export_onnx(args: argparse.Namespace) -> None:
@@ -34,6 +35,13 @@ def _export_onnx(args: argparse.Namespace) -> None:
     network = load_network(args.checkpoint, args.method).method
     export_onnx(network, args.output)
     shape = ", ".join(str(length) for length in network.raster.shape)
-    console.print(f"written      {args.output}")
-    console.print(f"input        images (batch, {shape}) float32")
-    console.print("output       descriptors (batch, ...) float32")
+    _say(
+        args,
+        f"input        images (batch, {shape}) float32",
+        "output       descriptors (batch, ...) float32",
+    )
+
+
+def _say(args: argparse.Namespace, *further: str) -> None:
+    lines = "\n".join([f"written      {printable(str(args.output))}", *further])
+    show_written(args, [args.output], lambda: print(lines))

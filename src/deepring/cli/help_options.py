@@ -1,4 +1,4 @@
-"""Options of the commands about deepring itself: doctor."""
+"""Options of the commands about deepring itself: doctor and schema."""
 
 from pathlib import Path
 
@@ -20,3 +20,17 @@ def add_doctor(parser: Parser) -> None:
     )
     add_form(parser, "text")
     parser.runs("deepring.cli.doctor_command:doctor_command")
+
+
+def add_schema(parser: Parser) -> None:
+    """``deepring schema [NAME]``."""
+    parser.add_argument(
+        "name", nargs="?", metavar="NAME", help="name of a schema; all names are listed without one"
+    )
+    parser.runs("deepring.cli.schema_command:schema_command", name="NAME")
+
+
+def add_completion(parser: Parser) -> None:
+    """``deepring completion SHELL``."""
+    parser.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="one of %(choices)s")
+    parser.runs("deepring.cli.completion_command:completion_command")

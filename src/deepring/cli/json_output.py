@@ -1,31 +1,33 @@
 """What `--as json` prints: one object on standard output, whose ``schema`` says what it holds."""
 
-import json
-import math
-from collections.abc import Mapping
+import argparse
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from deepring.schemas import schema_id
+from deepring.io.stated_json import json_text
 
 
-def print_json(name: str, content: Mapping[str, Any]) -> None:
-    """Print one object, with ``schema`` as its first key; ``name`` is that of the schema."""
-    print(json_text(name, content))
+def print_json(name: str, content: Mapping[str, Any], indent: int | None = 2) -> None:
+    """Print one object of the schema ``name``."""
+    print(json_text(name, content, indent))
 
 
-def json_text(name: str, content: Mapping[str, Any]) -> str:
-    """One object as JSON. Numbers that JSON lacks, NaN and infinity, are null."""
-    values = {"schema": schema_id(name), **content}
-    return json.dumps(_plain(values), indent=2, ensure_ascii=False, allow_nan=False)
+def print_as(
+    args: argparse.Namespace,
+    name: str,
+    content: Callable[[], Mapping[str, Any]],
+    text: Callable[[], None],
+) -> None:
+    """Print the content where the command was given ``--as json``, or else call ``text``."""
+    if args.form == "json":
+        print_json(name, content())
+    else:
+        text()
 
 
-def _plain(value: Any) -> Any:
-    """The value with paths as text, and null for numbers that JSON lacks."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return str(value) if isinstance(value, Path) else value
+def show_written(
+    args: argparse.Namespace, written: Sequence[Path], text: Callable[[], None]
+) -> None:
+    """`print_as` for a command that writes files and has nothing else to tell."""
+    print_as(args, "written", lambda: {"command": args.command, "written": list(written)}, text)

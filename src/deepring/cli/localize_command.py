@@ -1,8 +1,7 @@
-"""`deepring localize`: positions of scans in a map, as a table, JSON lines or CSV."""
+"""`deepring localize`: positions of scans in a map, as a table, JSON or CSV."""
 
 import argparse
 import csv
-import json
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -13,9 +12,11 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 from rich.table import Table
+from rich.text import Text
 
 from deepring.cli.console import console
 from deepring.cli.joined_scans import JoinedScans
+from deepring.cli.json_output import print_json
 from deepring.cli.looking import expect_lookable
 from deepring.cli.mistakes import MISTAKE, error_message
 from deepring.cli.notices import say_skipped, warn
@@ -77,7 +78,9 @@ def localize_command(args: argparse.Namespace) -> None:
     with progress_bar("locating") as bar:
         rows = list(locate(place_map, files, args, joining, failures, bar, shown))
     warn(joining.warning())
-    if rows or not failures:
+    if args.form == "json":
+        print_json("locations", _content(args.map, rows, failures))
+    elif rows or not failures:
         _PRINT[args.form](rows)
     for message in failures:
         print(f"error: {printable(message)}", file=sys.stderr)
@@ -183,12 +186,15 @@ def print_table(rows: Sequence[Row]) -> None:
     found = TABLE if refined else ("x m", "y m", "yaw °", "fit", "ratio")
     table = Table(box=None, header_style="bold")
     for name in ("scan", *found, "trusted", "found by"):
-        table.add_column(name, justify="left" if name in ("scan", "found by") else "right")
+        if name in ("scan", "found by"):  # names give way on narrow terminals, numbers do not
+            table.add_column(name, overflow="fold")
+        else:
+            table.add_column(Text(name), justify="right", no_wrap=name != "trusted")
     for row in rows:
         name = printable(Path(row["scan"]).name)
         table.add_row(
             name if row["stamp"] is None else f"{name} {row['stamp']}",
-            *(table_cells(row["refined"]) if refined else _location_cells(row)),
+            *map(Text, table_cells(row["refined"]) if refined else _location_cells(row)),
             _trust(row),
             printable(row["name"]),
         )
@@ -207,16 +213,20 @@ def _trust(row: Row) -> str:
     return "; ".join([told, *(table_notes(row["refined"]) if "refined" in row else ())])
 
 
-def print_json(rows: Sequence[Row]) -> None:
+def print_lines(rows: Sequence[Row]) -> None:
     """Print one JSON object per line; an infinite ratio is null."""
     for row in rows:
-        finite = {
-            name: None if isinstance(value, float) and math.isinf(value) else value
-            for name, value in row.items()
-        }
-        if "refined" in row:
-            finite["refined"] = json_values(row["refined"])
-        print(json.dumps(finite))
+        print_json("location", _values(row), indent=None)
+
+
+def _content(place_map: Path, rows: Sequence[Row], failures: Sequence[str]) -> dict[str, Any]:
+    """The one object of ``--as json``."""
+    located = [_values(row) for row in rows]
+    return {"map": place_map, "scans": located, "failures": list(failures)}
+
+
+def _values(row: Row) -> Row:
+    return {**row, "refined": json_values(row["refined"])} if "refined" in row else row
 
 
 def print_csv(rows: Sequence[Row]) -> None:
@@ -231,4 +241,4 @@ def print_csv(rows: Sequence[Row]) -> None:
         writer.writerow({**row, **texts, **refined})
 
 
-_PRINT = {"table": print_table, "json": print_json, "csv": print_csv}
+_PRINT = {"table": print_table, "jsonl": print_lines, "csv": print_csv}

@@ -8,6 +8,7 @@ from rich.table import Table
 
 from deepring.cli.console import console
 from deepring.cli.drive_source import DriveSource, open_source
+from deepring.cli.json_output import print_as
 from deepring.cli.looking import expect_lookable, show_scene
 from deepring.cli.notices import warn
 from deepring.cli.options import expect_new, network_of
@@ -17,7 +18,13 @@ from deepring.data.poses.trajectory import Trajectory
 from deepring.data.poses.tum import read_tum
 from deepring.data.recording import Recording
 from deepring.io.files import cut_short, write_together
-from deepring.localization.drives.drive_result import DriveResult, Truth, result_json, truth_at
+from deepring.localization.drives.drive_result import (
+    DriveResult,
+    Truth,
+    result_json,
+    result_values,
+    truth_at,
+)
 from deepring.localization.drives.graph_files import g2o_lines, loop_lines
 from deepring.localization.drives.loop_graph import LoopGraph, Track, track_of
 from deepring.localization.drives.loops import LoopSettings, find_loops
@@ -67,10 +74,10 @@ def loops_command(args: argparse.Namespace) -> None:
         _truth(source, track, truth),
     )
     write_together(_contents(result, files))
-    _say(result)
+    written = list(files.values())
+    content = {**result_values(result), "written": written}
+    print_as(args, "loops", lambda: content, lambda: _say(result, written))
     show_scene(args, lambda: drive_scene(result))
-    for path in files.values():
-        console.print(f"written      {printable(str(path))}")
 
 
 def _true_poses(file: Path) -> Trajectory:
@@ -132,14 +139,16 @@ def _text(lines: Iterable[str]) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _say(result: DriveResult) -> None:
+def _say(result: DriveResult, written: Iterable[Path]) -> None:
     for name, value in summary_rows(result):
         console.print(f"{name:<13}{value}")
     errors = result.errors()
     if errors:
         table = Table(box=None, header_style="bold")
         for name in error_head(errors):
-            table.add_column(name, justify="right" if name else "left")
+            table.add_column(name, justify="right" if name else "left", overflow="fold")
         for row in error_rows(errors):
             table.add_row(*row)
         console.print(table)
+    for path in written:
+        console.print(f"written      {printable(str(path))}")

@@ -2,23 +2,32 @@
 
 import argparse
 import sys
+import traceback
 from collections.abc import Sequence
 from typing import Any
 
 from deepring.cli.commands import COMMANDS, command_line
-from deepring.cli.mistakes import MISTAKE, report_mistakes
+from deepring.cli.mistakes import BUG, MISTAKE, report_mistakes
 from deepring.cli.output_streams import open_streams, written_out
 from deepring.cli.parser import load, words
 from deepring.cli.process import tune_process
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Entry point: run a command; a user's mistake is one line and exit status 2."""
+    """Entry point: run a command; a user's mistake is one line and exit status 2.
+
+    A bug is a traceback and exit status 70, which no finding of a command has.
+    """
     open_streams()
-    with report_mistakes({}), written_out():
-        args = parse(sys.argv[1:] if argv is None else argv)
-        with report_mistakes(args.flags):
-            run(args)
+    try:
+        with report_mistakes({}), written_out():
+            args = parse(sys.argv[1:] if argv is None else argv)
+            with report_mistakes(args.flags):
+                run(args)
+    except Exception:
+        traceback.print_exc()
+        print("this is a bug: please report it, with what deepring doctor prints", file=sys.stderr)
+        sys.exit(BUG)
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:

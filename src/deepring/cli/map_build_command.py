@@ -80,7 +80,7 @@ def build(args: argparse.Namespace) -> None:
         )
     built = _map_of_cloud(args) if clouds else _map_of_drives(args)
     built.map.save(args.output)
-    show(args.output, built.map)
+    show(args, args.output, built.map, left_out=list(built.left_out))
     look(args, args.output, built.map, built.paths, built.left_out)
 
 

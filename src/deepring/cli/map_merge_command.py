@@ -28,11 +28,15 @@ def merge(args: argparse.Namespace) -> None:
         warn(f"{args.second}: names that {args.first} has too; its places are now {prefix}...")
     if both.points is None and (first.points or second.points) is not None:
         warn("points: only one of the maps keeps them; the new map keeps none")
-    console.print(
-        f"found        {frame.located} of {frame.tried} places of {args.second.name}; "
-        f"{frame.agreeing} agree, to {frame.error:.2f} m (median)"
-    )
-    x, y, z = frame.pose[:3, 3]
-    yaw = math.degrees(float(yaw_of(frame.pose)))
-    console.print(f"frame        x {x:.2f} m, y {y:.2f} m, z {z:.2f} m, yaw {yaw:.2f} deg")
-    show(args.output, both)
+    x, y, z = map(float, frame.pose[:3, 3])
+    yaw = float(yaw_of(frame.pose))
+    if args.form != "json":
+        console.print(
+            f"found        {frame.located} of {frame.tried} places of {args.second.name}; "
+            f"{frame.agreeing} agree, to {frame.error:.2f} m (median)"
+        )
+        turn = math.degrees(yaw)
+        console.print(f"frame        x {x:.2f} m, y {y:.2f} m, z {z:.2f} m, yaw {turn:.2f} deg")
+    counts = {name: getattr(frame, name) for name in ("tried", "located", "agreeing")}
+    found = {**counts, "error_m": frame.error, "x": x, "y": y, "z": z, "yaw": yaw}
+    show(args, args.output, both, frame=found)

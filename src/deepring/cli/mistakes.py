@@ -12,6 +12,9 @@ from deepring.text import printable
 #: Exit status of a user's mistake, as of argparse.
 MISTAKE = 2
 
+#: Exit status of a bug, that of an internal error in sysexits.h.
+BUG = 70
+
 #: Exit status after Ctrl-C.
 INTERRUPTED = 130
 

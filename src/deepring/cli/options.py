@@ -139,7 +139,8 @@ def network_of(checkpoint: str) -> "DeepRing":
     network = load_network(checkpoint).method
     if not isinstance(network, DeepRing):
         raise DataError(
-            f"checkpoint: {checkpoint} holds {network.settings.label}, expected DeepRING"
+            f"checkpoint: {checkpoint} holds {network.settings.label}, expected DeepRING, which "
+            f"maps are made with; `deepring evaluate checkpoint={checkpoint}` takes every network"
         )
     return network
 

@@ -70,16 +70,32 @@ class MixedParser(Parser):
 
 
 class HydraParser(Parser):
-    """A parser that leaves its arguments to Hydra, as ``overrides``, except --help."""
+    """A parser that leaves its arguments to Hydra, as ``overrides``, except --help and --as."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Take all arguments as they are."""
-        words = list(args or ())
+        """Take all arguments as they are, but for the form of the output."""
+        words, form = self._without_form(list(args or ()))
         if {"-h", "--help"} & set(words):
             return super().parse_known_args(["--help"], namespace)
         parsed = argparse.Namespace() if namespace is None else namespace
-        vars(parsed).update(self._defaults, overrides=words)
+        vars(parsed).update(self._defaults, overrides=words, form=form)
         return parsed, []
+
+    def _without_form(self, words: list[str]) -> tuple[list[str], str]:
+        """The arguments without ``--as FORM``, and the form, by default the first choice."""
+        (action,) = (action for action in self._actions if action.dest == "form")
+        forms = list(action.choices or ())
+        left, form = [], forms[0]
+        rest = iter(words)
+        for word in rest:
+            flag, equals, value = word.partition("=")
+            if flag != "--as":
+                left.append(word)
+                continue
+            form = value if equals else next(rest, "")
+            if form not in forms:
+                self.error(f"--as: {form or 'no value'}, expected one of {', '.join(forms)}")
+        return left, form
 
 
 class Names:

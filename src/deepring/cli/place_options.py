@@ -4,6 +4,7 @@ from pathlib import Path
 
 from deepring.cli.options import (
     add_drive,
+    add_form,
     add_format,
     add_ground,
     add_looking,
@@ -18,8 +19,8 @@ from deepring.cli.parser import Names, Parser, number, subcommands, whole
 DRIVE_FORMATS = "deepring.data.readers:drive_formats"
 BINARY_FORMATS = "deepring.data.readers:binary_formats"
 
-#: Output formats of `localize`.
-FORMS = ("table", "json", "csv")
+#: Output formats of `localize`, beside a table and JSON: an object a line, and CSV.
+FORMS = ("jsonl", "csv")
 
 
 def add_map(parser: Parser) -> None:
@@ -36,6 +37,7 @@ def add_map(parser: Parser) -> None:
                  "checking every byte of it.")  # fmt: skip
     shower.add_argument("map", type=Path, metavar="MAP")
     add_looking(shower)
+    add_form(shower, "text")
     shower.runs("deepring.cli.map_command:info")
     _add_calibrate(
         add(
@@ -99,6 +101,7 @@ def _add_build(parser: Parser) -> None:
         help="keep the places' points, thinned, for `localize --refine`; the map becomes larger",
     )
     add_looking(parser)
+    add_form(parser, "text")
     parser.runs("deepring.cli.map_build_command:build", poses="--poses")
 
 
@@ -137,6 +140,7 @@ def _add_calibrate(parser: Parser) -> None:
     )
     add_metres(parser, "--within", 2.0, "largest error of a right location, metres")
     add_metres(parser, "--spacing", 5.0, "metres between scans")
+    add_form(parser, "text")
     parser.runs("deepring.cli.map_command:calibrate_map", metres="--within")
 
 
@@ -144,6 +148,7 @@ def _add_merge(parser: Parser) -> None:
     parser.add_argument("first", type=Path, metavar="A")
     parser.add_argument("second", type=Path, metavar="B")
     add_output(parser, "MAP", "the new map")
+    add_form(parser, "text")
     parser.runs("deepring.cli.map_merge_command:merge", first="A", second="B")
 
 
@@ -171,13 +176,7 @@ def add_localize(parser: Parser) -> None:
     )
     add_session(parser, "drive, if drive.yaml describes several")
     add_ground(parser, "the map's")
-    parser.add_argument(
-        "--as",
-        dest="form",
-        choices=FORMS,
-        default="table",
-        help="output format: %(choices)s (%(default)s)",
-    )
+    add_form(parser, "table", FORMS)
     parser.add_argument(
         "--refine",
         action="store_true",
@@ -237,6 +236,7 @@ def add_loops(parser: Parser) -> None:
         help="close the refined loops in a pose graph (needs deepring[refine,optimize])",
     )
     add_looking(parser, page=False)
+    add_form(parser, "text")
     parser.runs(
         "deepring.cli.loops_command:loops_command", binary="--format", refinement="--refine"
     )
@@ -279,4 +279,5 @@ def add_export(parser: Parser) -> None:
     parser.add_argument("checkpoint", metavar="CHECKPOINT", help="a .ckpt, or 'shipped'")
     add_method(parser)
     add_output(parser, "FILE", "the new file, .onnx or .safetensors")
+    add_form(parser, "text")
     parser.runs("deepring.cli.export_command:export_command", own_class="--method")

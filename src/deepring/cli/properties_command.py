@@ -6,17 +6,16 @@ from itertools import islice
 
 import torch
 
-from deepring.cli.console import console
+from deepring.cli.json_output import print_json
 from deepring.cli.named_methods import NamedMethods, named_methods
 from deepring.cli.options import expect_folder
+from deepring.cli.shown_tables import ShownTables
 from deepring.cli.study_scans import expect_scans, readable, source_of
-from deepring.cli.written_tables import write_shown, write_text
 from deepring.errors import ConfigError
 from deepring.experiment.every_method import left_out_text
 from deepring.paper.properties import Properties, properties_of
 from deepring.paper.properties_tables import number_table, shown_tables
 from deepring.progress import progress_bar
-from deepring.reports.table import csv, terminal
 
 
 def properties_command(args: argparse.Namespace) -> None:
@@ -38,12 +37,16 @@ def properties_command(args: argparse.Namespace) -> None:
                     name, method, scans, source.ground_z, methods.columns, args.seed, progress
                 )
             )
-    conditions = f": {source.title}, {len(scans)} scans, seed {args.seed}"
-    tables = shown_tables(rows, conditions, _notes(methods, complaints))
-    console.print(terminal(tables))
-    for name, table in zip(("borne", "told"), tables, strict=True):
-        write_shown(f"properties_{name}", table, args.output)
-    write_text(args.output / "properties.csv", csv(number_table(rows)))
+    about = f": {source.title}, {len(scans)} scans, seed {args.seed}"
+    tables = shown_tables(rows, about, _notes(methods, complaints))
+    output = ShownTables(args.output, quiet=args.form == "json")
+    output.print(dict(zip(("properties_borne", "properties_told"), tables, strict=True)))
+    for name in output.shown:
+        output.write_shown(name)
+    output.write_numbers("properties", number_table(rows))
+    if args.form == "json":
+        conditions = {"source": source.title, "scans": len(scans), "seed": args.seed}
+        print_json("properties", conditions | output.content())
 
 
 def _notes(methods: NamedMethods, complaints: Sequence[str]) -> list[str]:

@@ -8,8 +8,9 @@ import numpy as np
 
 from deepring.localization.refined_pose import RefinedPose
 
-#: Columns of the table in place of those of a location, and what CSV adds to those.
-TABLE = ("x m", "y m", "z m", "roll °", "pitch °", "yaw °", "± m", "± °", "inliers")
+#: Columns of the table in place of those of a location, lengths above angles, so that a row fits
+#: 80 columns; and what CSV adds to those of a location.
+TABLE = ("x m\nroll °", "y m\npitch °", "z m\nyaw °", "± m\n± °", "inliers")
 CSV = (
     *(f"refined_{name}" for name in ("x", "y", "z", "roll", "pitch", "yaw")),
     "refined_covariance",
@@ -49,16 +50,15 @@ def csv_values(refined: RefinedPose) -> Mapping[str, Any]:
 
 def table_cells(refined: RefinedPose) -> list[str]:
     """The columns `TABLE`; ± is the standard deviation along the worst direction."""
-    angles = [f"{math.degrees(angle):.2f}" for angle in refined.roll_pitch_yaw]
+    position = (refined.x, refined.y, refined.z)
+    angles = map(math.degrees, refined.roll_pitch_yaw)
     shift, turn = (
         math.sqrt(float(np.linalg.eigvalsh(refined.covariance[part, part])[-1]))
         for part in (slice(0, 3), slice(3, 6))
     )
     return [
-        *(f"{value:.2f}" for value in (refined.x, refined.y, refined.z)),
-        *angles,
-        f"{shift:.2g}",
-        f"{math.degrees(turn):.2g}",
+        *(f"{metres:.2f}\n{degrees:.2f}" for metres, degrees in zip(position, angles, strict=True)),
+        f"{shift:.2g}\n{math.degrees(turn):.2g}",
         f"{refined.inliers:.2f}",
     ]
 

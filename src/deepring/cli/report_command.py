@@ -3,6 +3,7 @@
 import argparse
 
 from deepring.cli.console import console
+from deepring.cli.json_output import show_written
 from deepring.cli.options import expect_new, expect_writable
 from deepring.experiment.report import report
 from deepring.io.files import write_whole
@@ -15,4 +16,4 @@ def report_command(args: argparse.Namespace) -> None:
     path = args.output or args.run / "report.html"
     expect_writable(path)
     write_whole(path, [report(args.run, args.failures).encode("utf-8", "backslashreplace")])
-    console.print(f"written      {path}")
+    show_written(args, [path], lambda: console.print(f"written      {path}"))

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from textwrap import wrap
 
-from deepring.cli.options import add_method, add_output
+from deepring.cli.options import add_form, add_method, add_output
 from deepring.cli.parser import Parser, number, whole
 
 #: Revisit radii in metres that `score` counts at, the headline first.
@@ -37,6 +37,7 @@ def add_evaluate(parser: Parser) -> None:
 
 def _add_overrides(parser: Parser, name: str) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    add_form(parser)
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE")
     parser.runs(f"deepring.cli.train_commands:{name}_command")
 
@@ -77,6 +78,7 @@ def add_compare(parser: Parser) -> None:
     )
     parser.add_argument("--test", metavar="DATASETS", help="datasets to test on; two by default")
     parser.add_argument("--seeds", metavar="SEEDS", help="seeds; 0,1 by default")
+    add_form(parser)
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE")
     parser.runs("deepring.cli.compare_command:compare_command")
 
@@ -103,6 +105,7 @@ def add_score(parser: Parser) -> None:
     _add_over(parser)
     add_method(parser)
     add_output(parser, "FILE", "also write the results as CSV", required=False)
+    add_form(parser)
     parser.runs("deepring.cli.score_command:score_command", own_class="--method")
 
 
@@ -121,6 +124,7 @@ def add_tables(parser: Parser) -> None:
         help="show runs with different data or protocols in the same table",
     )
     add_output(parser, "FOLDER", "where to write (tables/ in the first PATH)", required=False)
+    add_form(parser)
     parser.runs("deepring.cli.tables_command:tables_command")
 
 
@@ -135,6 +139,7 @@ def add_report(parser: Parser) -> None:
         metavar="N",
         help="number of failures to draw (%(default)s)",
     )
+    add_form(parser, "text")
     parser.runs("deepring.cli.report_command:report_command")
 
 

@@ -5,6 +5,7 @@ from dataclasses import fields
 from typing import Any, get_args
 
 from deepring.cli.console import console
+from deepring.cli.json_output import show_written
 from deepring.cli.options import expect_folder
 from deepring.errors import ConfigError
 from deepring.progress import progress_bar
@@ -20,7 +21,7 @@ def simulate_command(args: argparse.Namespace) -> None:
     expect_folder(args.output)
     with progress_bar(f"simulating {args.dataset} scans") as bar:
         root = simulate(settings, args.output, workers=args.workers, progress=bar)
-    console.print(f"dataset      {root}")
+    show_written(args, [root], lambda: console.print(f"dataset      {root}"))
 
 
 def parse_knob(text: str) -> tuple[str, object]:

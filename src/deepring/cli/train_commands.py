@@ -8,7 +8,9 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
@@ -16,10 +18,13 @@ from omegaconf import DictConfig
 
 from deepring.cli.console import console
 from deepring.cli.ddp import restartable
+from deepring.cli.json_output import print_as
 from deepring.cli.mistakes import INTERRUPTED, is_mistake, report_mistakes
 from deepring.cli.output_streams import open_streams
 from deepring.cli.overrides import checked, is_sweep, quoted, value_of
 from deepring.cli.process import tune_process
+from deepring.cli.results_content import results_content
+from deepring.errors import ConfigError
 from deepring.evaluation.pose_errors import PoseErrors
 from deepring.evaluation.results import Result
 from deepring.experiment.compose import in_our_words
@@ -52,19 +57,32 @@ def train_command(args: argparse.Namespace) -> None:
     ``resume=CHECKPOINT`` goes on in that run's folder.
     """
     if is_sweep(args.overrides):
-        if report_sweep(run_multirun(args.overrides)):
+        outcomes = run_multirun(args.overrides)
+        text = partial(report_sweep, outcomes)
+        print_as(args, "sweep", lambda: sweep_content([outcomes]), text)
+        if outcomes.failed:
             sys.exit(1)
         return
-    overrides = checked(args.overrides)
+    overrides = _for_form(args)
     checkpoint = value_of(overrides, "resume")
     if checkpoint is not None and (folder := run_of(Path(checkpoint))) is not None:
         overrides = [*overrides, quoted("hydra.run.dir", str(folder))]
-    _run_hydra("train", _train, overrides)
+    _run_hydra("train", lambda composed: _train(composed, args), overrides)
 
 
 def evaluate_command(args: argparse.Namespace) -> None:
     """Evaluate a checkpoint and the methods that learn nothing."""
-    _run_hydra("evaluate", _evaluate, checked(args.overrides))
+    _run_hydra("evaluate", lambda composed: _evaluate(composed, args), _for_form(args))
+
+
+def _for_form(args: argparse.Namespace) -> list[str]:
+    """The checked overrides. Raises ConfigError for JSON of what Hydra prints by itself."""
+    overrides = checked(args.overrides)
+    if args.form == "json" and any(text.startswith("-") for text in overrides):
+        raise ConfigError(
+            "--as: json, expected only without flags such as --cfg, which print a config as YAML"
+        )
+    return overrides
 
 
 def run_multirun(arguments: Sequence[str]) -> SweepOutcomes:
@@ -73,18 +91,19 @@ def run_multirun(arguments: Sequence[str]) -> SweepOutcomes:
     overrides += naming(overrides, config_folder())
     outcomes = run_sweep(lambda: _run_hydra("train", _sweep_job, overrides))
     if outcomes.interrupted:
-        report_sweep(outcomes)
+        done, left = len(outcomes.finished), len(outcomes.failed)
+        print(f"sweep        {done} of {done + left} jobs finished", file=sys.stderr)
+        say_failed(outcomes)
         print("interrupted; the same command goes on with what is left", file=sys.stderr)
         sys.exit(INTERRUPTED)
     return outcomes
 
 
-def report_sweep(outcomes: SweepOutcomes) -> int:
-    """Print how many jobs finished, which failed and why; return how many did not finish."""
+def report_sweep(outcomes: SweepOutcomes) -> None:
+    """Print how many jobs finished, which failed and why."""
     finished, failed = outcomes.finished, outcomes.failed
     console.print(f"sweep        {len(finished)} of {len(finished) + len(failed)} jobs finished")
-    for folder, error in failed:
-        print(printable(f"failed       {folder.name}: {error}"), file=sys.stderr)
+    say_failed(outcomes)
     if finished:
         sweep = _from_here(finished[0].parent)
         if any((folder / "results.csv").is_file() for folder in finished):
@@ -92,7 +111,31 @@ def report_sweep(outcomes: SweepOutcomes) -> int:
         console.print(f"tensorboard  tensorboard --logdir {sweep}")
     if failed:
         console.print("correct the errors above; the same command then goes on with what is left")
-    return len(failed)
+
+
+def say_failed(outcomes: SweepOutcomes) -> None:
+    """Say which jobs failed and why, on standard error."""
+    for folder, error in outcomes.failed:
+        print(printable(f"failed       {folder.name}: {error}"), file=sys.stderr)
+
+
+def sweep_content(sweeps: Sequence[SweepOutcomes]) -> dict[str, Any]:
+    """How the jobs of sweeps ended, for the schema ``sweep``."""
+    jobs: list[tuple[Path, str | None]] = []
+    for outcomes in sweeps:
+        jobs += [(folder, None) for folder in outcomes.finished]
+        jobs += outcomes.failed
+    return {
+        "sweeps": list(dict.fromkeys(_from_here(folder.parent) for folder, _ in jobs)),
+        "jobs": [
+            {
+                "folder": _from_here(folder),
+                "state": "finished" if error is None else "failed",
+                "error": error,
+            }
+            for folder, error in jobs
+        ],
+    }
 
 
 def run_of(checkpoint: Path) -> Path | None:
@@ -132,22 +175,28 @@ def _sweep_job(composed: DictConfig) -> float:
 
 
 @report_mistakes(_KEYS)
-def _train(composed: DictConfig) -> None:
+def _train(composed: DictConfig, args: argparse.Namespace) -> None:
     cfg = check_config(composed)
     from deepring.experiment.train import train
 
     _keep_log_short()
     outcome = train(cfg, run_folder(cfg.paths.run))
-    if outcome.results:
-        show(cfg.evaluation, outcome.results, outcome.poses)
-    if is_first_process():
+    if not is_first_process():
+        return
+
+    def text() -> None:
+        if outcome.results:
+            show(cfg.evaluation, outcome.results, outcome.poses)
         if outcome.checkpoint is not None:
             console.print(f"checkpoint   {outcome.checkpoint}")
         show_folder(outcome.folder)
 
+    found = (outcome.results, outcome.checkpoint, outcome.score)
+    print_as(args, "results", lambda: run_content(outcome.folder, cfg.evaluation, *found), text)
+
 
 @report_mistakes(_KEYS)
-def _evaluate(composed: DictConfig) -> None:
+def _evaluate(composed: DictConfig, args: argparse.Namespace) -> None:
     from deepring.experiment.evaluate import evaluate
     from deepring.experiment.plan import plan_evaluation
     from deepring.experiment.start import expect_no_start
@@ -159,11 +208,17 @@ def _evaluate(composed: DictConfig) -> None:
     checkpoint = None if cfg.checkpoint is None else Path(cfg.checkpoint)
     plan = plan_evaluation(cfg, checkpoint)
     open_run_folder(plan.record, folder)
-    show(plan.evaluation, *evaluate(plan, folder))
+    found = evaluate(plan, folder)
     write_status(folder, Status("finished"))
     link_latest(folder)
-    show_folder(folder)
-    console.print(f"tables       deepring tables {folder}")
+
+    def text() -> None:
+        show(plan.evaluation, *found)
+        show_folder(folder)
+        console.print(f"tables       deepring tables {folder}")
+
+    content = partial(run_content, folder, plan.evaluation, found.results, checkpoint)
+    print_as(args, "results", content, text)
 
 
 def _keep_log_short() -> None:
@@ -171,6 +226,8 @@ def _keep_log_short() -> None:
     logging.raiseExceptions = False  # a full disk is told once, not with each line of the log
     # Lightning calls a function that torch has renamed, which the user cannot change.
     warnings.filterwarnings("ignore", message=".*LeafSpec.*")
+    # Short epochs are drawn in TensorBoard all the same, every few of them.
+    warnings.filterwarnings("ignore", message=".*smaller than the logging interval.*")
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
 
 
@@ -208,3 +265,18 @@ def show_folder(folder: Path) -> None:
         console.print(f"pictures     {folder / 'figures'}")
     console.print(f"config       {folder / 'config.yaml'}")
     console.print(f"tensorboard  tensorboard --logdir {folder.parent}")
+
+
+def run_content(
+    folder: Path,
+    evaluation: EvaluationSettings,
+    results: Sequence[Result],
+    checkpoint: Path | None = None,
+    score: float | None = None,
+) -> dict[str, Any]:
+    """What a run found and wrote, for the schema ``results``."""
+    over = evaluation.counted_over
+    content = results_content(results, evaluation.radii[0], over, checkpoint, score)
+    names = ("results.csv", "results.md", "config.yaml", "figures", "tensorboard")
+    written = [folder / name for name in names if (folder / name).exists()]
+    return {"run": folder, **content, "written": written}

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.core.rigid import turn_points, yaw_of
+from deepring.core.rigid import pose_from, rotation_from_rpy, turn_points, yaw_of
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError
 from deepring.rasters import Raster
@@ -42,6 +42,17 @@ class ScanSet:
     def headings(self) -> NDArray[np.float64]:
         """Yaw of the scan frames in the world (n,), radians, counter-clockwise, before any turn."""
         return yaw_of(self.session.poses[self.indices])
+
+    @property
+    def frames(self) -> NDArray[np.float64]:
+        """World poses (n, 4, 4) of the frames of the scans' rasters.
+
+        These have the axes of the scan after its turn, and their origin on the nominal ground.
+        """
+        turns = np.zeros(len(self)) if self.turns is None else self.turns
+        down = [[0.0, 0.0, self.ground_z]]
+        seen = pose_from(rotation_from_rpy(0.0, 0.0, -turns), np.tile(down, (len(self), 1)))
+        return self.session.poses[self.indices] @ seen
 
     def subset(self, mask: NDArray[np.bool_]) -> "ScanSet":
         """The scans where ``mask`` (n,) is True."""

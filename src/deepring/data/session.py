@@ -100,8 +100,9 @@ class Session:
                 where = ""
                 if name == "label" and self.files:
                     where = f" in {label_path(self.files[0]).parent}"
+                many = name[:-1] + "ies" if name.endswith("y") else f"{name}s"
                 raise DataError(
-                    f"session {self.name}: its points have no {name}s{where}, expected a dataset "
+                    f"session {self.name}: its points have no {many}{where}, expected a dataset "
                     "whose points have them, or a method that needs none (docs/datasets.md)"
                 )
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.core.rigid import pose_from, rotation_from_rpy, wrap_angle, yaw_of
-from deepring.data.scan_set import ScanSet
+from deepring.core.rigid import wrap_angle, yaw_of
 from deepring.errors import DataError
 from deepring.evaluation.case import Case
 from deepring.evaluation.matches import TopMatches
@@ -91,19 +90,9 @@ def pose_errors(
         if progress is not None:
             progress(k + 1, len(found))
     sides = (task.scans.query, queries), (task.scans.database, places)
-    of_query, of_place = (raster_poses(scans)[rows] for scans, rows in sides)
+    of_query, of_place = (scans.frames[rows] for scans, rows in sides)
     metres, degrees = planar_errors(told, np.linalg.inv(of_query) @ of_place)
     return PoseErrors(matches.case, float(radius), metres, degrees)
-
-
-def raster_poses(scans: ScanSet) -> Floats:
-    """World poses (n, 4, 4) of the frames of the scans' rasters.
-
-    These have the axes of the scan after its turn, and their origin on the nominal ground.
-    """
-    turns = np.zeros(len(scans)) if scans.turns is None else scans.turns
-    turned_back = rotation_from_rpy(0.0, 0.0, -turns)
-    return scans.session.poses[scans.indices] @ pose_from(turned_back, [0.0, 0.0, scans.ground_z])
 
 
 def planar_errors(told: Floats, true: Floats) -> tuple[Floats, Floats]:

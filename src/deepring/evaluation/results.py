@@ -94,6 +94,11 @@ def write_results(path: str | Path, results: Iterable[Result]) -> None:
         writer.writerows(map(_row, results))
 
 
+def result_values(result: Result) -> dict[str, str | float]:
+    """A result as its row in the file: the value of each of `COLUMNS`."""
+    return dict(zip(COLUMNS, _row(result), strict=True))
+
+
 def read_results(path: str | Path) -> list[Result]:
     """Read what ``write_results`` wrote; a byte order mark and blank lines are allowed.
 

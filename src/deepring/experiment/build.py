@@ -227,9 +227,7 @@ def trainer(
         for node in nodes.values():
             node.pop("monitor", None)
     callbacks = [make(node, f"callbacks.{name}") for name, node in nodes.items()]
-    if "progress" not in nodes:
-        callbacks.append(EpochLines())
-    callbacks.append(BetweenEpochs())
+    callbacks += [EpochLines(), BetweenEpochs()]
     return make(
         cfg.trainer,
         "trainer",

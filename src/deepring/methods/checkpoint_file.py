@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from deepring.errors import FileError
+from deepring.methods.registry import registered_methods
 
 #: What the pickle of a checkpoint may name, other than storages of numbers: collections, tensors,
 #: and their types. torch's reader takes more, such as a bytearray of any length.
@@ -43,6 +44,11 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     Nothing in the file is executed or imported, and what its tensors take is at most its size.
     Raises FileError for anything but a whole checkpoint.
     """
+    if not path.exists() and str(path) in registered_methods():
+        raise FileError(
+            f"checkpoint {path}: the name of a method, expected the .ckpt of a run; `deepring "
+            f"train method={path}` makes one, and evaluates a method that has none"
+        )
     if not path.is_file():
         raise FileError(
             f"checkpoint {path}: is no file; give the .ckpt of a run, such as "

@@ -25,8 +25,11 @@ _METHODS: dict[str, str | type] = {
     "lpdnet": "deepring.methods.lpdnet.LpdNet",
     "egonn": "deepring.methods.egonn.EgoNnGlobal",
     "locnet": "deepring.methods.locnet.LocNet",
+    "overlapnet": "deepring.methods.overlapnet.OverlapNet",
     "rinet": "deepring.methods.rinet.RINet",
+    "lcdnet": "deepring.methods.lcdnet.LcdNet",
     "dh3d": "deepring.methods.dh3d.Dh3d",
+    "locus": "deepring.methods.locus.Locus",
 }
 """Classes, or their dotted paths, which are imported when they are asked for."""
 

@@ -77,4 +77,4 @@ class NeighbourConv(nn.Module):
         else:
             edges = self.first(rows).index_select(0, numbers)
         features = self.rest(self.first_norm(edges))
-        return features.unflatten(0, (batch, n, k)).amax(dim=2)
+        return features.view(batch, n, k, features.shape[-1]).amax(dim=2)

@@ -182,9 +182,9 @@ class TransposedConv(_SparseConv):
 class PointNorm(nn.Module):
     """Batch normalisation over all sites of the batch; training needs two or more."""
 
-    def __init__(self, channels: int) -> None:
+    def __init__(self, channels: int, eps: float = 1e-5, momentum: float = 0.1) -> None:
         super().__init__()
-        self.norm = nn.BatchNorm1d(channels)
+        self.norm = nn.BatchNorm1d(channels, eps, momentum)
 
     def forward(self, x: SparseTensor) -> SparseTensor:
         """Normalised features on the same sites."""

@@ -1,8 +1,9 @@
 """The occupied voxels of a batch of scans: sites, and which of them a kernel joins.
 
-Sites are integer coordinates (batch, θ, r, z), kept sorted. A kernel map lists which input site
-feeds which output site at each offset of a kernel; it depends only on the sites and is built once
-for all layers of one stride. Source: Choy et al., "4D Spatio-Temporal ConvNets", CVPR 2019, Sec. 3.
+Sites are integer coordinates (batch, θ, r, z), or (batch, x, y, z), kept sorted. A kernel map
+lists which input site feeds which output site at each offset of a kernel; it depends only on the
+sites and is built once for all layers of one stride. Source: Choy et al., "4D Spatio-Temporal
+ConvNets", CVPR 2019, Sec. 3.
 """
 
 import itertools
@@ -122,12 +123,12 @@ class Grid:
             )
         self._low, self._high, self.stride, self.wrap = low, high, stride, wrap
         self.extent = extent
-        keys, self.order = _keys(coordinates, low, high).sort()
+        self._keys, self.order = _keys(coordinates, low, high).sort()
         self.coordinates = coordinates[self.order]
         self._neighbours: dict[int, KernelMap] = {}
         self._strided: dict[tuple[Lengths, Lengths, Lengths], tuple[Grid, KernelMap]] = {}
         counts = torch.bincount(self.coordinates[:, 0], minlength=batch or 0)
-        repeated = (keys[1:] == keys[:-1]).sum()
+        repeated = (self._keys[1:] == self._keys[:-1]).sum()
         self.counts: list[int]
         *self.counts, again = torch.cat([counts, repeated[None]]).tolist()
         if again or 0 in self.counts:
@@ -138,6 +139,14 @@ class Grid:
 
     def __len__(self) -> int:
         return len(self.coordinates)
+
+    def rows(self, sites: Int64[Tensor, "m 4"]) -> Int64[Tensor, " m"]:
+        """The row of each site (batch, θ, r, z), anywhere; -1 where it is not occupied."""
+        low, high = (sites.new_tensor(ends) for ends in (self._low, self._high))
+        inside = ((sites >= low) & (sites <= high)).all(dim=1)
+        targets = _keys(sites, self._low, self._high)
+        at = torch.searchsorted(self._keys, targets).clamp_max(len(self) - 1)
+        return torch.where(inside & (self._keys[at] == targets), at, -1)
 
     def neighbours(self, kernel: int) -> KernelMap:
         """The map of a stride-1 convolution with an odd kernel, from the sites to themselves."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from deepring.errors import ConfigError, DataError
 from deepring.methods.method import Method
@@ -36,6 +36,9 @@ EXACT = 0.001
 
 #: The step by which an image from above turns onto itself, degrees.
 _QUARTER = 90.0
+
+#: Comparisons that are timed, and the seconds that they may take beside the first.
+_RUNS, _RUNS_S = 10, 1.0
 
 #: The shift between two scans whose relative pose is asked for, metres.
 _POSE_SHIFT = 2.0
@@ -69,12 +72,13 @@ class Properties:
     """Median error of the turn that it tells, for turns by any angle; None if it tells none."""
     turn_period_deg: float
     pose_error: tuple[float, float] | None
-    """Median errors of the relative pose, metres and degrees; None if the method tells none."""
+    """Median errors of the relative poses that it tells, metres and degrees; None if the method
+    tells none, NaN if it told none of these scans."""
     parameters: int
     scan_ms: float
-    """From points to the descriptor, one at a time."""
+    """From points to the descriptor, one at a time: the quickest of the scans."""
     pair_ms: float
-    """For `compare`, all pairs of the scans at once."""
+    """For `compare`, all pairs of the scans at once: the quickest run."""
 
 
 def properties_of(
@@ -194,7 +198,7 @@ def _turn_error(method: Method, scores: MovedScores, motions: Sequence[_Motions]
     away = scores.turns[:, free] - np.radians(true)
     period = _period(method)
     away = (away + period / 2) % period - period / 2
-    return float(np.degrees(np.nanmedian(np.abs(away))))
+    return _median(np.degrees(np.abs(away)))
 
 
 def _pose_error(
@@ -217,8 +221,14 @@ def _pose_error(
         twin = Motion(still.yaw_deg + turn, shift)
         place, query = (image_of(method, motion(points), ground_z) for motion in (still, twin))
         errors.append(_apart(relative_poses(query, place[None])[0].numpy(), turn, shift))
-    metres, degrees = np.nanmedian(errors, axis=0)
-    return float(metres), float(degrees)
+    metres, degrees = np.transpose(errors)
+    return _median(metres), _median(degrees)
+
+
+def _median(values: ArrayLike) -> float:
+    """The median of what is told; NaN where nothing is."""
+    told = np.asarray(values)[np.isfinite(values)]
+    return float(np.median(told)) if len(told) else math.nan
 
 
 def _apart(
@@ -238,9 +248,9 @@ def _parameters(method: Method) -> int:
 
 
 def _pair_seconds(method: Method, scores: MovedScores) -> float:
-    """Seconds a pair, the quicker of two runs: the first may compile."""
-    took = []
-    for _ in range(2):
+    """Seconds a pair, the quickest of some runs: the first may compile, others may be held up."""
+    took: list[float] = []
+    while len(took) < _RUNS and sum(took[1:]) < _RUNS_S:
         begun = time.perf_counter()
         method.compare(scores.descriptors, scores.descriptors)
         took.append(time.perf_counter() - begun)

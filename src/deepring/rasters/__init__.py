@@ -16,9 +16,12 @@ from deepring.rasters.polar import PolarRaster
 from deepring.rasters.polar_context import PolarContextRaster
 from deepring.rasters.preprocessing import Preprocessing
 from deepring.rasters.range_image import RangeRaster
+from deepring.rasters.range_normals import RangeNormalRaster
 from deepring.rasters.ring_histogram import RingHistogramRaster
+from deepring.rasters.segments import SegmentsRaster
 from deepring.rasters.semantic import SemanticRaster
 from deepring.rasters.semantic_points import SemanticPointsRaster
+from deepring.rasters.voxel_means import IntensityMeansRaster, VoxelMeansRaster
 from deepring.rasters.voxels import VoxelRaster
 
 __all__ = [
@@ -30,6 +33,7 @@ __all__ = [
     "HeightRangesRaster",
     "HeightRaster",
     "HistogramRaster",
+    "IntensityMeansRaster",
     "IrisRaster",
     "M2dpRaster",
     "PointFeaturesRaster",
@@ -37,12 +41,15 @@ __all__ = [
     "PolarContextRaster",
     "PolarRaster",
     "Preprocessing",
+    "RangeNormalRaster",
     "RangeRaster",
     "Raster",
     "RingHistogramRaster",
+    "SegmentsRaster",
     "SemanticPointsRaster",
     "SemanticRangesRaster",
     "SemanticRaster",
+    "VoxelMeansRaster",
     "VoxelRaster",
     "make_raster",
     "raster_settings",

@@ -3,18 +3,17 @@
 import math
 from collections.abc import Sequence
 
-from rich.console import Group
-
 from deepring.evaluation.pose_errors import PoseErrors
 from deepring.localization.calibration import Tolerance
 from deepring.reports import table as tables
 from deepring.reports.results_table import interval_text
 from deepring.reports.table import NONE, Cell, Table, rate_text
+from deepring.reports.terminal_table import TerminalTables, terminal
 
 
-def render_poses(errors: Sequence[PoseErrors]) -> Group:
+def render_poses(errors: Sequence[PoseErrors]) -> TerminalTables:
     """One table per test region for the terminal."""
-    return tables.terminal(_tables(errors))
+    return terminal(_tables(errors))
 
 
 def markdown_poses(errors: Sequence[PoseErrors]) -> str:

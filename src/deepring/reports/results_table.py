@@ -2,9 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
-
-from rich.console import Group
+from dataclasses import dataclass
 
 from deepring import checks
 from deepring.errors import ConfigError, DataError
@@ -14,6 +12,7 @@ from deepring.evaluation.metrics import Over
 from deepring.evaluation.results import RecallName, Result
 from deepring.reports import table as tables
 from deepring.reports.table import NONE, Cell, Table, best_bold, rate_text, short_text
+from deepring.reports.terminal_table import TerminalTables, terminal
 
 
 @dataclass(frozen=True)
@@ -25,11 +24,12 @@ class _Column:
     best: Callable[[Iterable[float]], float] | None = None
 
 
-def render(results: Sequence[Result], radius: float = 10.0, over: Over = "answerable") -> Group:
+def render(
+    results: Sequence[Result], radius: float = 10.0, over: Over = "answerable"
+) -> TerminalTables:
     """Tables for the terminal of all results at one radius, two per test region, the best in bold.
 
-    Recalls stand in the first one, each with its 95 % interval, and the rest in the second one,
-    so that both fit on 80 columns.
+    Recalls stand in the first one, each with its 95 % interval, and the rest in the second one.
 
     Args:
         results: results of any methods, datasets and radii.
@@ -48,7 +48,7 @@ def render(results: Sequence[Result], radius: float = 10.0, over: Over = "answer
         _tables(_within, rest, rows),
         strict=True,
     )
-    return tables.terminal([table for pair in pairs for table in pair])
+    return terminal([table for pair in pairs for table in pair])
 
 
 def markdown(results: Sequence[Result], radius: float = 10.0, over: Over = "answerable") -> str:
@@ -58,12 +58,12 @@ def markdown(results: Sequence[Result], radius: float = 10.0, over: Over = "answ
     return tables.markdown(_tables(lambda row: _conditions(row, over), columns, rows))
 
 
-def render_radii(results: Sequence[Result], over: Over = "answerable") -> Group:
+def render_radii(results: Sequence[Result], over: Over = "answerable") -> TerminalTables:
     """Tables for the terminal of Recall@1, one column per radius; otherwise as ``render``.
 
-    Intervals stand below. If a method has several results at one radius, the last one counts.
+    If a method has several results at one radius, the last one counts.
     """
-    return tables.terminal(list(map(_stacked, _side_by_side(results, over))))
+    return terminal(_side_by_side(results, over))
 
 
 def markdown_radii(results: Sequence[Result], over: Over = "answerable") -> str:
@@ -178,20 +178,6 @@ def _tables(
         Table(title, headers, _cells(group, columns), len(_NAMES))
         for title, group in groups.items()
     ]
-
-
-def _stacked(table: Table) -> Table:
-    """The table with each interval below its number, in a row of its own."""
-    rows: list[list[Cell]] = []
-    for row in table.rows:
-        parts = [cell.text.partition(" (") for cell in row[table.names :]]
-        numbers = [
-            Cell(number, cell.bold)
-            for (number, _, _), cell in zip(parts, row[table.names :], strict=True)
-        ]
-        intervals = [Cell(bracket.strip() + rest) for _, bracket, rest in parts]
-        rows += [[*row[: table.names], *numbers], [*[Cell("")] * table.names, *intervals]]
-    return replace(table, rows=rows)
 
 
 def _cells(group: Sequence[Result], columns: Sequence[_Column]) -> list[list[Cell]]:

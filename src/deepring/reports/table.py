@@ -1,15 +1,10 @@
-"""Tables of text, for the terminal (rich), Markdown, LaTeX and CSV."""
+"""Tables of text, and how they are written as Markdown, LaTeX and CSV."""
 
 import csv as csv_format
 import io
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
-
-from rich import box
-from rich import table as rich_table
-from rich.console import Group
-from rich.text import Text
 
 from deepring.errors import DataError
 from deepring.text import printable
@@ -84,35 +79,10 @@ def short_text(value: float) -> str:
     return f"{float(f'{value:.3g}'):g}"
 
 
-def terminal(tables: Sequence[Table]) -> Group:
-    """The tables, one below the other; numbers keep their width on a narrow terminal."""
-    parts: list[Text | rich_table.Table] = []
-    for table in map(_printable, tables):
-        parts += [Text(table.title), _rich(table)]
-        if table.notes:
-            parts += [*map(Text, table.notes), Text("")]
-    return Group(*parts)
-
-
-def _rich(table: Table) -> rich_table.Table:
-    rich = rich_table.Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for index, header in enumerate(table.headers):
-        if index < table.names:  # names give way on narrow terminals, numbers do not
-            rich.add_column(Text(header), min_width=8, overflow="fold")
-        else:
-            rich.add_column(Text(header), justify="right", no_wrap=True)
-    for number, row in enumerate(table.rows):
-        if number in table.breaks:
-            rich.add_section()
-        # Text, not markup: a method may be called "ring[fast]".
-        rich.add_row(*(Text(text, style="bold" if bold else "") for text, bold in row))
-    return rich
-
-
 def markdown(tables: Sequence[Table]) -> str:
     """The tables, one below the other, ending in a newline; notes are a list."""
     lines = []
-    for table in map(_printable, tables):
+    for table in map(printable_table, tables):
         rule = ["---" if index < table.names else "---:" for index in range(len(table.headers))]
         headers = [_md(header) for header in table.headers]
         cells = [
@@ -134,7 +104,7 @@ def _md(text: str) -> str:
     return text.replace("|", r"\|").replace("<", r"\<")
 
 
-def _printable(table: Table) -> Table:
+def printable_table(table: Table) -> Table:
     """The table with its texts on one line each, and without characters that do not print."""
     return replace(
         table,
@@ -147,7 +117,7 @@ def _printable(table: Table) -> Table:
 
 def latex(table: Table) -> str:
     r"""A ``table`` environment that needs ``\usepackage{booktabs}``, ending in a newline."""
-    table = _printable(table)
+    table = printable_table(table)
     columns = "l" * table.names + "r" * (len(table.headers) - table.names)
     lines = [
         r"\begin{table}[t]",

@@ -9,7 +9,19 @@ from deepring.errors import ConfigError
 #: Version of each schema. A new version may take keys away or change their meaning; within one,
 #: keys may be added.
 VERSIONS = {
+    "case_study": 1,
+    "dataset_check": 1,
     "diagnosis": 1,
+    "drive_file": 1,
+    "location": 1,
+    "locations": 1,
+    "loops": 1,
+    "map": 1,
+    "properties": 1,
+    "results": 1,
+    "sweep": 1,
+    "tables": 1,
+    "written": 1,
 }
 
 

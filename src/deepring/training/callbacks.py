@@ -36,7 +36,7 @@ class MovableCheckpoint(ModelCheckpoint):
 
 
 class EpochLines(Callback):
-    """Logs loss, accuracy and validation recall after each epoch, for runs without a bar."""
+    """Logs loss, accuracy and validation recall after each epoch."""
 
     def on_train_epoch_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:  # noqa: ARG002
         """Log after validation, which Lightning runs in the epoch; in the first process only."""

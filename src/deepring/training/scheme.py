@@ -1,6 +1,6 @@
 """The base classes of a training scheme: sampling, batches, losses, and the training step.
 
-The schemes are `episodes`, `streets`, `tuples`, `pairs` and `batch_hard`. They do not need
+The schemes are `episodes`, `streets`, `tuples`, `pairs`, `poses` and `batch_hard`. They do not need
 Lightning; `PlaceModule` and `PlaceDataModule` run any of them.
 """
 

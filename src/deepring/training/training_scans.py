@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.core.rigid import planar_pose
 from deepring.data.packed_rasters import Rasters
 from deepring.data.scan_set import ScanSet
 from deepring.errors import ConfigError
@@ -28,6 +29,9 @@ class TrainingScans:
     rasters: Rasters
     session: NDArray[np.int64]
     """(n,) number of each scan's session, over all datasets; those of one are in driving order."""
+    frames: NDArray[np.float64] | None = None
+    """(n, 4, 4): dataset <- points of the rasters, from z on the ground under the sensor; None
+    where it is not known."""
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -37,6 +41,14 @@ class TrainingScans:
         """(n, 3) metres, see `set_apart`."""
         return set_apart(self.positions, self.dataset)
 
+    def level_pose(self, first: int, second: int) -> NDArray[np.float64]:
+        """The level transform (4, 4) that carries the second scan's points onto the first's."""
+        poses = []
+        for scan in (first, second):
+            x, y = self.positions[scan]
+            poses.append(planar_pose(x, y, self.headings[scan]))
+        return np.asarray(np.linalg.inv(poses[0]) @ poses[1])
+
     @classmethod
     def from_session(
         cls, scans: ScanSet, rasters: Rasters, dataset: int, origin: NDArray[np.float64]
@@ -44,7 +56,9 @@ class TrainingScans:
         """Scans of one session and their rasters; ``origin`` (2,) metres is the dataset's."""
         numbers = np.full(len(scans), dataset, dtype=np.int64)
         session = np.zeros_like(numbers)
-        return cls(scans.positions - origin, numbers, scans.headings, rasters, session)
+        frames = scans.frames
+        frames[:, :2, 3] -= origin
+        return cls(scans.positions - origin, numbers, scans.headings, rasters, session, frames)
 
     @classmethod
     def concatenate(cls, sessions: Sequence[Self]) -> Self:
@@ -59,7 +73,14 @@ class TrainingScans:
                 sessions[0].rasters.raster,
             ),
             np.concatenate([scans.session + k for scans, k in zip(sessions, before, strict=False)]),
+            _joined([scans.frames for scans in sessions]),
         )
+
+
+def _joined(frames: Sequence[NDArray[np.float64] | None]) -> NDArray[np.float64] | None:
+    """The frames of several sets; None where those of one are not known."""
+    known = [part for part in frames if part is not None]
+    return np.concatenate(known) if len(known) == len(frames) else None
 
 
 def set_apart(positions: NDArray[np.float64], dataset: NDArray[np.int64]) -> NDArray[np.float64]:

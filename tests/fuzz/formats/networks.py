@@ -30,8 +30,18 @@ from helpers.tiny_methods import TINY
 
 #: All that learn.
 _METHODS = (
-    *("deepring", "disco", "pointnetvlad", "egonn", "locnet", "rinet", "lpdnet"),
+    "deepring",
+    "disco",
+    "pointnetvlad",
+    "egonn",
+    "locnet",
+    "rinet",
+    "lcdnet",
+    "lpdnet",
+    "overlapnet",
+    "lcdnet",
     "dh3d",
+    "locus",
 )
 _SCAN = np.array(scene(1), np.float32)
 

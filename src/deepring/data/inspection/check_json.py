@@ -1,6 +1,5 @@
 """The reports of a dataset check as JSON; docs/datasets.md states the keys."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -8,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from deepring.data.inspection.check import SessionReport
+from deepring.io.stated_json import json_text
 
 
 def report_json(root: Path | str, reports: Sequence[SessionReport], status: int) -> str:
@@ -17,7 +17,7 @@ def report_json(root: Path | str, reports: Sequence[SessionReport], status: int)
         "status": status,
         "sessions": [_session(report) for report in reports],
     }
-    return json.dumps(content, indent=2, allow_nan=False)
+    return json_text("dataset_check", content)
 
 
 def _session(report: SessionReport) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """What is known of a drive in the end: poses before and after, loops, errors beside the truth."""
 
-import json
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 
 from deepring.data.poses.trajectory import Trajectory
 from deepring.errors import DataError
+from deepring.io.stated_json import json_text
 from deepring.localization.drives.loop_graph import Loop, LoopGraph, Track
 from deepring.localization.drives.pose_graph import Optimized, corrected
 from deepring.localization.drives.trajectory_error import (
@@ -128,13 +128,18 @@ def truth_at(track: Track, trajectory: Trajectory, tolerance_s: float = 0.1) -> 
 
 
 def result_json(result: DriveResult) -> str:
-    """All that is known of the keyframes and loops, and the errors, as JSON.
+    """`result_values` as JSON, an object of the schema ``loops``."""
+    return json_text("loops", result_values(result), indent=1)
+
+
+def result_values(result: DriveResult) -> dict[str, Any]:
+    """All that is known of the keyframes and loops, and the errors.
 
     ``scans`` are the numbers of the keyframes' scans in the drive, ``rows`` their rows in the
     trajectories, ``stamps`` nanoseconds or null. A ratio without a rival is null.
     """
     track, graph = result.track, result.graph
-    content = {
+    return {
         "drive": track.name,
         "poses": "odometry" if track.by_odometry else "given",
         "ground_z": result.ground_z,
@@ -148,7 +153,6 @@ def result_json(result: DriveResult) -> str:
         "loops": [_loop(result, k) for k in range(len(graph.loops))],
         "errors": {name: _errors(errors) for name, errors in result.errors().items()},
     }
-    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
 
 
 def _loop(result: DriveResult, k: int) -> dict[str, Any]:

@@ -119,7 +119,7 @@ class Dh3d(VectorNetwork):
         """
         (one,) = self.keypoints(query[None])
         found = torch.full((len(places), 4, 4), torch.nan, dtype=torch.float64)
-        every = (batch for batch in places.split(_AT_ONCE) if len(batch))
+        every = (batch for batch in torch.split(places, _AT_ONCE) if len(batch))
         scans = (scan for batch in every for scan in self.keypoints(batch))
         for k, scan in enumerate(scans):
             pairs = mutual_matches(scan.descriptors, one.descriptors)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deepring import checks
-from deepring.core.rigid import planar_pose, pose_from, rotation_from_rpy
+from deepring.core.rigid import pose_from, rotation_from_rpy
 from deepring.errors import ConfigError, DataError
 from deepring.methods.dh3d import LocalPoints
 from deepring.methods.network import NetworkMethod
@@ -152,7 +152,7 @@ class CorrespondenceSet(TrainingSet[CorrespondenceBatch]):
         points = points + self._noise(tuple(points.shape), rng)
         rotations = torch.from_numpy(moves[:, :, :3, :3].swapaxes(0, 1).reshape(-1, 3, 3))
         moved = points @ rotations.transpose(1, 2)
-        poses = np.stack([self._pose(scan, partner) for scan, partner in pairs])
+        poses = np.stack([self.scans.level_pose(scan, partner) for scan, partner in pairs])
         transforms = moves[:, 0] @ poses @ np.linalg.inv(moves[:, 1])
         return CorrespondenceBatch(
             (moved / self.extent).float(), torch.from_numpy(transforms).float()
@@ -165,14 +165,6 @@ class CorrespondenceSet(TrainingSet[CorrespondenceBatch]):
             return np.stack([first, first], axis=1)
         partners = [rng.choice(self.near[k][self.near[k] != k]) for k in first]
         return np.stack([first, np.array(partners, dtype=np.int64)], axis=1)
-
-    def _pose(self, first: int, second: int) -> NDArray[np.float64]:
-        """The pose (4, 4) of the second scan in the frame of the first, on one plane."""
-        poses = [
-            planar_pose(*self.scans.positions[k], float(self.scans.headings[k]))
-            for k in (first, second)
-        ]
-        return np.asarray(np.linalg.inv(poses[0]) @ poses[1])
 
     def _turned(self, rng: np.random.Generator) -> NDArray[np.float64]:
         """A random rotation as a pose (4, 4)."""

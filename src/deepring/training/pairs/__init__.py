@@ -1,5 +1,11 @@
-"""Training on pairs of scans that are of one place, or not (LocNet, RINet)."""
+"""Training on pairs of scans: of one place or two (LocNet, RINet), by overlap (OverlapNet)."""
 
+from deepring.training.pairs.overlap_loss import OverlapAndTurn as OverlapAndTurn
+from deepring.training.pairs.overlap_loss import OverlapHeads as OverlapHeads
+from deepring.training.pairs.overlap_loss import OverlapPairs as OverlapPairs
+from deepring.training.pairs.overlap_scheme import OverlapBatch as OverlapBatch
+from deepring.training.pairs.overlap_scheme import OverlapScheme as OverlapScheme
+from deepring.training.pairs.overlap_scheme import OverlapSet as OverlapSet
 from deepring.training.pairs.pair_losses import Contrastive as Contrastive
 from deepring.training.pairs.pair_losses import PairDescriptors as PairDescriptors
 from deepring.training.pairs.pair_losses import PairHead as PairHead
