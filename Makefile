@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+DOCS_INSTALLED := $(VENV)/.docs-installed
 SEED ?= 0
 DEMO_DATA := outputs/datasets/sim_nclt$(if $(filter-out 0,$(SEED)),_seed$(SEED))
 
@@ -14,8 +15,8 @@ nothing :=
 space := $(nothing) $(nothing)
 SWEEP := seed=$(subst $(space),$(comma),$(strip $(SEEDS))) hydra/launcher=joblib
 
-.PHONY: help install demo ablations compare worlds weights test test-slow kill fuzz lint coverage mutation \
-  hooks bench peers clean
+.PHONY: help install demo ablations compare worlds weights test test-slow docs docs-test kill fuzz lint \
+  coverage mutation hooks bench peers clean
 
 help:
 	@echo "make demo       simulate, train, evaluate, print the results (SEED=0)"
@@ -25,6 +26,8 @@ help:
 	@echo "make weights    train the network that comes with the package, on separate worlds"
 	@echo "make test       lint, types, import directions and the default tests"
 	@echo "make test-slow  the long tests"
+	@echo "make docs       the docs as a site, to outputs/site"
+	@echo "make docs-test  build it, check its links, follow its tutorials, run its notebooks"
 	@echo "make kill       kill every long command at random instants, and start it again (KILLS=20)"
 	@echo "make lint       formatting, lint, types and import directions, without tests"
 	@echo "make coverage   the default tests with coverage of the package, lines and branches"
@@ -96,6 +99,18 @@ test: install lint
 
 test-slow: install
 	$(BIN)/python -m pytest -m slow
+
+# Warnings are errors; no network is needed once the packages are installed.
+$(DOCS_INSTALLED): $(INSTALLED)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	@touch $@
+
+docs: $(DOCS_INSTALLED)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	@echo "outputs/site/index.html; $(BIN)/python -m http.server -d outputs/site serves it"
+
+docs-test: $(DOCS_INSTALLED)
+	$(BIN)/python -m pytest -m docs tests/docs
 
 KILLS ?= 20
 kill: install

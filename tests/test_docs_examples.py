@@ -1,8 +1,6 @@
 """What docs/architecture.md tells a contributor to write, written and run."""
 
 import math
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,18 +12,16 @@ from deepring.data.scan_set import ScanSet
 from deepring.data.session import Session
 from deepring.nn.representation import make_representation
 from deepring.rasters import RASTERS, Preprocessing, make_raster, raster_settings
+from helpers.pages import blocks_of
 from helpers.scenes import scattered
 
-PAGE = Path(__file__).parents[1] / "docs" / "architecture.md"
+PAGE = "architecture.md"
 
 
 def run_example(heading):
     """The names that the Python block below a heading of the page defines."""
-    section = PAGE.read_text().split(f"\n## {heading}\n")[1].split("\n## ")[0]
     names = {"__name__": f"docs.{heading.replace(' ', '_')}"}
-    exec(
-        compile(re.search(r"```python\n(.*?)```", section, re.DOTALL)[1], str(PAGE), "exec"), names
-    )
+    exec(compile(blocks_of(PAGE, heading, "python")[0].text, PAGE, "exec"), names)
     return names
 
 
@@ -60,10 +56,9 @@ def test_the_method_of_the_docs_finds_each_scan_again(drive, tmp_path):
 
 
 def test_the_method_of_the_docs_passes_the_check_of_the_docs():
-    section = PAGE.read_text().split("\n## Adding a method\n")[1].split("\n## ")[0]
-    blocks = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+    blocks = [block.text for block in blocks_of(PAGE, "Adding a method", "python")]
     assert "check_method(Mine())" in blocks[1]
-    exec(compile("\n".join(blocks), str(PAGE), "exec"), {"__name__": "docs.checked_method"})
+    exec(compile("\n".join(blocks), PAGE, "exec"), {"__name__": "docs.checked_method"})
 
 
 def test_the_raster_of_the_docs_goes_through_settings_and_cache(

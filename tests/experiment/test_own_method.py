@@ -1,9 +1,7 @@
 """The method of docs/comparison.md, as its reader would write it."""
 
-import re
 import shutil
 import sys
-from pathlib import Path
 
 import pytest
 from hydra import compose, initialize_config_dir
@@ -13,15 +11,13 @@ from deepring.experiment.config import check_config
 from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.train import train
 from deepring.methods.network_file import load_network
+from helpers.pages import blocks_of
 from helpers.small_training import TINY_DATA
-
-PAGE = Path(__file__).parents[2] / "docs" / "comparison.md"
 
 
 def test_the_docs_method_trains_from_its_file_and_its_config(tiny_nclt, tmp_path, monkeypatch):
     code, config = (
-        re.search(rf"```{kind}\n(.*?)```", PAGE.read_text(), re.DOTALL)[1]
-        for kind in ("python", "yaml")
+        blocks_of("comparison.md", "Adding a method", kind)[0].text for kind in ("python", "yaml")
     )
     (tmp_path / "mine.py").write_text(code)
     monkeypatch.syspath_prepend(str(tmp_path))

@@ -3,7 +3,6 @@
 import re
 import shutil
 from functools import partial
-from pathlib import Path
 
 import pytest
 import torch
@@ -13,20 +12,19 @@ from deepring.errors import ConfigError
 from deepring.experiment.config import check_config
 from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.train import train
+from helpers.pages import blocks_of
 from helpers.small_training import TINY_DATA
-
-PAGE = Path(__file__).parents[2] / "docs" / "comparison.md"
 
 
 @pytest.fixture
 def trained(tiny_nclt, tmp_path, monkeypatch):
     """A function that trains with the page's file and configs in a run folder of that name."""
-    section = PAGE.read_text().partition("## Adding a training scheme")[2]
-    (code,) = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+    blocks = blocks_of("comparison.md", "Adding a training scheme")
+    (code,) = (block.text for block in blocks if block.language == "python")
     (tmp_path / "partners.py").write_text(code)
     monkeypatch.syspath_prepend(str(tmp_path))
     conf = shutil.copytree(config_folder(), tmp_path / "conf")
-    for config in re.findall(r"```yaml\n(.*?)```", section, re.DOTALL):
+    for config in (block.text for block in blocks if block.language == "yaml"):
         path = re.match(r"# conf/(\S+)", config)[1]
         (conf / path).write_text(config.replace("deepring.training.partners", "partners"))
     register_configs()

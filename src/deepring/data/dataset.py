@@ -27,9 +27,9 @@ log = logging.getLogger(__name__)
 class Spacing:
     """Metres between the scans in use."""
 
-    database: float = 20.0
-    query: float = 5.0
-    train: float = 1.0
+    database: float = 20.0  # between places
+    query: float = 5.0  # between queries
+    train: float = 1.0  # between training scans; 0 takes all, here and above
 
 
 @dataclass
@@ -40,22 +40,22 @@ class Regions:
     longest direction. Training scans are more than ``margin`` metres from validation scans.
     """
 
-    train: Any = None
-    validation: Any = None
-    test: Any = None
-    validation_share: float = 0.15
-    margin: float = 50.0
+    train: Any = None  # of the scans that are trained on
+    validation: Any = None  # a part of it; None: its far end
+    test: Any = None  # of places and queries
+    validation_share: float = 0.15  # of the training region, where validation is None
+    margin: float = 50.0  # metres from training to validation scans
 
 
 @dataclass
 class DatasetConfig:
     """The config of one dataset."""
 
-    name: str = "???"
-    format: str = "???"
-    root: str = "???"
-    database: str | None = None
-    query: str | None = None
+    name: str = "???"  # in tables
+    format: str = "???"  # the layout: nclt, mulran, kitti, helipr, custom
+    root: str = "???"  # the dataset's folder, or a drive.yaml
+    database: str | None = None  # the session of the places; None: the only one
+    query: str | None = None  # the session of the queries
     spacing: Spacing = field(default_factory=Spacing)
     regions: Regions = field(default_factory=Regions)
     #: 'sessions': database and query are two sessions. 'revisits': one session, with its first
@@ -63,7 +63,9 @@ class DatasetConfig:
     #: 'online': one session, each query looked up among the places that are ``earlier`` enough.
     split: str = "sessions"
     earlier: Earlier = field(default_factory=Earlier)
+    #: Metres within which a later pass revisits an earlier one, in 'revisits'.
     revisit_radius: float = 10.0
+    #: Metres of path that lie at least between two passes.
     revisit_apart: float = 100.0
     #: z of the ground under the sensor in the scan's frame, metres; None uses the session's value.
     ground_z: float | None = 0.0

@@ -29,7 +29,7 @@ class EvaluationSettings:
     wrong_beyond: float | None = None
     #: 'answerable' queries, or 'all': a query without an answer then counts as missed.
     over: str = "answerable"
-    figures: bool = True
+    figures: bool = True  # draw curves, hits and sinograms into figures/
     #: Save the descriptors, so that they can be scored again without scans or network.
     descriptors: bool = False
     #: Tell how far off the relative poses of the best places are, by methods that give them.
@@ -64,9 +64,9 @@ class EvaluationSettings:
 class PathsConfig:
     """Folders, relative to where the command is started."""
 
-    outputs: str = "outputs"
-    datasets: str = "${paths.outputs}/datasets"
-    cache: str = "${paths.outputs}/cache"
+    outputs: str = "outputs"  # of all runs
+    datasets: str = "${paths.outputs}/datasets"  # of simulated datasets
+    cache: str = "${paths.outputs}/cache"  # of rasters; may be deleted
     #: Folders of downloads by reader, for sweeps over datasets; a single run has data.root.
     roots: dict[str, str | None] = field(
         default_factory=lambda: dict.fromkeys(reader_names(), "???")
@@ -79,13 +79,15 @@ class PathsConfig:
 class Config:
     """The config of a run."""
 
-    experiment_name: str = "train"
+    experiment_name: str = "train"  # of the run's folder
     #: The last part of a sweep's folder name.
     sweep_name: str = "sweep"
-    seed: int = 0
+    seed: int = 0  # of the weights, the batches and all that is drawn
     #: The dataset to train and to test on, unless train_data and test_data name others.
     data: DatasetConfig = field(default_factory=DatasetConfig)
+    #: Datasets to train on by name, each with the keys of ``data``; ``train=`` fills it.
     train_data: dict[str, DatasetConfig] = field(default_factory=dict)
+    #: Datasets to test on by name; ``test=`` fills it.
     test_data: dict[str, DatasetConfig] = field(default_factory=dict)
     #: Which points of a scan count, for all methods: their rasters refer to it.
     preprocessing: dict[str, Any] = field(default_factory=dict)

@@ -24,8 +24,8 @@ class BevRaster(Raster, kind="bev"):
     (40, 40)
     """
 
-    cells: int = 120
-    extent: float = 70.0
+    cells: int = 120  # along a side
+    extent: float = 70.0  # metres, half a side
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
 
     axes = ("x", "y")

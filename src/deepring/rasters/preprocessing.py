@@ -34,11 +34,11 @@ class Preprocessing:
     array([[6., 0., 2.]], dtype=float32)
     """
 
-    height: tuple[float, float] = (-5.0, 20.0)
-    clearance: float | None = 0.5
-    window: int = 5
-    cell: float = 140.0 / 120
-    extent: float = 70.0
+    height: tuple[float, float] = (-5.0, 20.0)  # metres above the nominal ground
+    clearance: float | None = 0.5  # metres above the local ground; None: the band alone
+    window: int = 5  # cells along a side, odd, in which the lowest point is the ground
+    cell: float = 140.0 / 120  # metres
+    extent: float = 70.0  # metres from the sensor
 
     def __post_init__(self) -> None:
         height = checks.interval("preprocessing.height", self.height, "metres")

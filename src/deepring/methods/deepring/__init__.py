@@ -66,20 +66,20 @@ class RepresentationSettings(PlainSettings):
     """How the network sees the raster; see `deepring.nn.representation`."""
 
     angles: int | None = 120  # of the sinogram; None for the other rasters
-    bins: int | None = 120
-    theta_range: ThetaRange = "full"
-    pool: int = 1
+    bins: int | None = 120  # of τ
+    theta_range: ThetaRange = "full"  # [0, 2π), or [0, π)
+    pool: int = 1  # averages squares of so many cells
 
 
 @dataclass(frozen=True)
 class EncoderSettings(PlainSettings):
     """See `deepring.nn.unet.CircularUNet`. The paper gives no widths; these are DiSCO's."""
 
-    widths: Sequence[int] = (64, 128, 256, 512)
-    convolutions: int = 2
-    norm: str = "batch"
+    widths: Sequence[int] = (64, 128, 256, 512)  # channels of each level
+    convolutions: int = 2  # of each level
+    norm: str = "batch"  # or group, none
     tau_padding: TauPadding = "circular"
-    stem: int = 1
+    stem: int = 1  # squares of so many cells become channels at the start
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,8 @@ class AggregationSettings(PlainSettings):
 class SimilaritySettings(PlainSettings):
     """The comparison of two descriptors, and their normalisation before it."""
 
-    kind: str = "correlation"
-    normalisation: str = "unit"
+    kind: str = "correlation"  # over all turns; l2 and cosine compare row with row
+    normalisation: str = "unit"  # or standard, none
 
 
 @dataclass(frozen=True)
