@@ -7,7 +7,7 @@ Turns and offsets are of pairs in bands of distance; of turns, errors modulo the
 The pairs of the table of SSC (Li et al. 2021): positive within 3 m, negative beyond 20 m. F1 is the
 largest, EP is (P0 + R100) / 2: the precision of the highest score, and the largest recall without
 a wrong pair. The paper has 100 negatives for a positive. ``--way`` takes positives alone in which
-both drives head the same way, or opposite ways, to within 45 degrees.
+both drives head the same way, or opposite ways, to within 45 degrees, and prints F1 and EP alone.
 """
 
 import argparse
@@ -93,7 +93,7 @@ def measure(
     places, queries = (Described(method, drive, ground) for drive in drives)
     distance, rng = distances(drives, way), np.random.default_rng(0)
     period = float(getattr(method, "turn_period", 2 * math.pi))
-    for low, high in BANDS:
+    for low, high in BANDS if way is None else ():
         errors, ways = [], []
         for query, place in pairs_between(distance, low, high, count, rng):
             turn = method.compare(queries[query], places[place]).turn

@@ -13,6 +13,12 @@ from deepring.simulation.presets import tiny
 from deepring.simulation.simulate import simulate
 
 
+@pytest.fixture
+def wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tables are printed for a wide terminal, each row on one line."""
+    monkeypatch.setenv("COLUMNS", "200")
+
+
 @pytest.fixture(scope="session")
 def tiny_nclt(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A few streets in NCLT's layout."""

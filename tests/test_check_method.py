@@ -37,8 +37,8 @@ TURNLESS = (
     "cart_context",
     "locnet",
     "rinet",
-    "lpdnet",
     "lcdnet",
+    "lpdnet",
     "dh3d",
     "locus",
 )

@@ -66,6 +66,27 @@ def test_scores_tables_and_reports_follow_from_the_run(evaluated, there):
     assert there("written", "report", run)["written"] == [f"{run}/report.html"]
 
 
+def test_what_the_commands_print_fits_80_columns(evaluated, tiny_nclt, there):
+    run = evaluated["run"]
+    drive = (tiny_nclt, "--session", "2031-02-04", "--spacing", 20, "--points")
+    there("map", "map", "build", *drive, "-o", "wide.map")
+    scans = sorted((tiny_nclt / "2031-03-17" / "velodyne_sync").glob("*.bin"))[:2]
+    located = ("localize", "wide.map", *scans, "--format", "nclt")
+    shown = {
+        "R@1%": ("score", run),
+        "Recall@1": ("tables", run),
+        "found by": located,
+        "inliers": (*located, "--refine"),
+    }
+    for word, command in shown.items():
+        done = deepring(*command, cwd=there.folder, columns=80)
+        assert done.returncode == 0, done.stderr
+        assert word in done.stdout
+        of_tables = [line for line in done.stdout.splitlines() if f"{run}/tables" not in line]
+        assert max(map(len, of_tables)) <= 80, done.stdout
+        assert "…" not in done.stdout
+
+
 def test_a_training_prints_its_checkpoint_and_score(tiny_nclt, there):
     options = ["experiment=demo", f"data.root={tiny_nclt}", "evaluation.figures=false", *SMALL]
     trained = there("results", "train", *options, *ALONE)

@@ -62,7 +62,7 @@ def test_a_training_and_its_tables_are_printed_in_ascii(tiny_nclt, tmp_path):
     small = [*SMALL, *others, f"data.root={tiny_nclt}", "evaluation.figures=false"]
     done = deepring("train", "experiment=demo", *small, cwd=tmp_path, encoding="ascii")
     assert done.returncode == 0, done.stderr
-    assert "Epoch 0" in done.stdout
+    assert "epoch 1/1: train/loss" in done.stderr
     assert "Recall@1" in done.stdout
     done = deepring("tables", "outputs/demo/latest", cwd=tmp_path, encoding="ascii")
     assert done.returncode == 0, done.stderr

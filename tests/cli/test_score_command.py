@@ -13,6 +13,8 @@ from deepring.reports.results_table import interval_text
 from helpers.cli import deepring, refused, work_of
 from helpers.drives import road_task
 
+pytestmark = pytest.mark.usefixtures("wide")
+
 METHODS = {
     "RING": Ring(BevRaster(cells=24), angles=24, bins=24),
     "Scan Context": ScanContext(ContextRaster(sectors=24, rings=8)),

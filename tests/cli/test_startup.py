@@ -11,8 +11,9 @@ SUBCOMMANDS = {"map": ("build", "info", "calibrate", "merge"), "data": ("check",
 
 HEAVY = ("torch", "lightning", "torchmetrics", "hydra", "omegaconf", "matplotlib", "tensorboard")
 
-#: What maps, loops and exported weights do without. `loops` alone draws a picture.
-UNUSED = {"matplotlib", "lightning", "torchmetrics", "hydra", "omegaconf", "tensorboard"}
+#: What maps, loops and exported weights do without. `loops` alone draws a picture. Sympy comes with
+#: torch's compiler, which takes two seconds to import.
+UNUSED = {"matplotlib", "lightning", "torchmetrics", "hydra", "omegaconf", "tensorboard", "sympy"}
 
 #: Shows several helps, and tells what they imported.
 HELP = """

@@ -15,6 +15,8 @@ from deepring.experiment.status import Status, write_status
 from helpers.cli import deepring, refused, work_of
 from helpers.results import result_of
 
+pytestmark = pytest.mark.usefixtures("wide")
+
 
 def train(folder, recall=0.5, seed=0, kind="dft", ways=24, data="sim", status="finished"):
     config = {

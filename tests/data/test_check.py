@@ -12,6 +12,7 @@ from deepring.data.inspection.check_json import report_json
 from deepring.data.inspection.check_text import report_lines
 from deepring.data.readers import open_session
 from deepring.errors import DeepringError
+from helpers.schemas import expect_valid
 from helpers.wrong_scans import rows, write_wrong
 
 MS = 1_000_000
@@ -164,7 +165,7 @@ def test_json_states_every_key_and_no_nan(street, tmp_path):
     (folder / "calib.txt").write_text("nothing\n")
     reports = check(tmp_path)
     content = json.loads(report_json(tmp_path, reports, 2))
-    assert set(content) == {"root", "status", "sessions"}
+    expect_valid("dataset_check", content)
     for session, report in zip(content["sessions"], reports, strict=True):
         assert set(session) == KEYS
         assert session["verdict"] == report.verdict

@@ -187,6 +187,8 @@ BESIDE = {
     },
     "loss=contrastive": ["sampling=pairs"],
     "loss=soft_match": ["sampling=pairs"],
+    "loss=triplet_with_pose": ["sampling=poses", "method=lcdnet"],
+    "sampling=poses": ["loss=triplet_with_pose", "method=lcdnet"],
     "loss=overlap_and_turn": ["sampling=overlaps", "method=overlapnet"],
     "sampling=overlaps": ["loss=overlap_and_turn", "method=overlapnet"],
     "sampling=segments": ["loss=segment_identity"],

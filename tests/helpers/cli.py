@@ -26,7 +26,7 @@ SMALL = (
 Done = subprocess.CompletedProcess
 
 
-def deepring(*arguments, cwd, encoding="utf-8") -> Done:
+def deepring(*arguments, cwd, encoding="utf-8", columns=120) -> Done:
     """Run a command in this process: its exit status, output and errors.
 
     Both are written in ``encoding``, and read in it as the test's text.
@@ -34,7 +34,11 @@ def deepring(*arguments, cwd, encoding="utf-8") -> Done:
     words = [str(argument) for argument in arguments]
     streams = [io.TextIOWrapper(io.BytesIO(), encoding=encoding, newline="") for _ in range(2)]
     out, errors = streams
-    with as_new_process(cwd), contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
+    with (
+        as_new_process(cwd, columns),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(errors),
+    ):
         try:
             main(words)
             status = 0
@@ -77,12 +81,12 @@ def refused(done, *words):
 
 
 @contextlib.contextmanager
-def as_new_process(cwd) -> Iterator[None]:
+def as_new_process(cwd, columns=120) -> Iterator[None]:
     """Put everything back that a command changes in its process: as if it had ended."""
     environment, arguments, before = dict(os.environ), sys.argv, progress._silent
     progress.silence()  # whether a stage says how far it is depends on the time that it takes
     with contextlib.chdir(cwd), warnings.catch_warnings(), _logging_restored():
-        os.environ["COLUMNS"] = "120"
+        os.environ["COLUMNS"] = str(columns)
         try:
             yield
         finally:

@@ -12,7 +12,6 @@ from deepring.errors import ConfigError
 from deepring.methods.method import index_of
 from deepring.methods.overlapnet import OverlapNet, OverlapNetSettings, mean_columns
 from deepring.methods.overlapnet.legs import PUBLISHED, checked_layers, sizes
-from deepring.rasters import RangeNormalRaster, raster_settings
 from deepring.testing import check_method, walls
 from helpers.tiny_methods import TINY, TINY_OVERLAPNET
 
@@ -191,13 +190,3 @@ def test_wrong_settings_are_refused(settings, message):
         network(**settings)
     with pytest.raises(ConfigError, match="OverlapNet: raster"):
         OverlapNet(OverlapNetSettings({"kind": "polar"}))
-
-
-def test_ranges_are_metres_or_shares_of_the_largest():
-    raster = RangeNormalRaster(sectors=64, rows=12, elevation=(-25, 30), viewpoint=1.8)
-    plain, scaled = (network(raster=raster_settings(raster), scaled=s) for s in (False, True))
-    image = torch.from_numpy(raster(walls(0), 0.0))[None].float()
-    by_hand = image.clone()
-    by_hand[:, 0] = torch.where(image[:, 0] > 0, image[:, 0] / 50, image[:, 0])
-    assert torch.allclose(scaled(image), plain(by_hand))
-    assert not torch.allclose(scaled(image), plain(image))

@@ -24,9 +24,9 @@ COMMANDS = {
     "train": _Command(
         run_options.add_train,
         "train a method and evaluate it, or run a sweep (-m)",
-        "Train a method and evaluate it. resume=CHECKPOINT goes on in that run's folder, "
-        "start_from=CHECKPOINT\nbegins a run with the weights of an earlier stage; -m runs a "
-        "sweep, one job after the other,\nor as hydra/launcher= says.",
+        "Train a method and evaluate it. resume=CHECKPOINT goes on in that run's folder,\n"
+        "start_from=CHECKPOINT begins a run with the weights of an earlier stage; -m runs a\n"
+        "sweep, one job after the other, or as hydra/launcher= says.",
         HydraParser,
         partial(run_options.config_help, "train"),
     ),

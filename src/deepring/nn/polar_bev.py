@@ -34,9 +34,12 @@ class PolarBev(nn.Module):
     ) -> None:
         super().__init__()
         self.sectors, self.rings, self.samples = sectors, rings, samples
-        azimuth = (torch.arange(sectors * samples).double() + 0.5) * (2 * math.pi)
-        azimuth = (azimuth / (sectors * samples))[:, None]
-        distance = (torch.arange(rings * samples).double() + 0.5) * (reach / (rings * samples))
+        # On the CPU although networks without weights are made on 'meta', where the first number
+        # that is made imports a compiler and takes two seconds.
+        rows = torch.arange(sectors * samples, dtype=torch.float64, device="cpu")
+        columns = torch.arange(rings * samples, dtype=torch.float64, device="cpu")
+        azimuth = ((rows + 0.5) * (2 * math.pi) / (sectors * samples))[:, None]
+        distance = (columns + 0.5) * (reach / (rings * samples))
         x, y = azimuth.cos() * distance, azimuth.sin() * distance
         # grid_sample wants the last axis first; -1 and 1 are the borders of the image.
         grid = torch.stack([y, x], dim=-1).float()

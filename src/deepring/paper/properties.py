@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from deepring.errors import ConfigError, DataError
 from deepring.methods.method import Method
@@ -72,7 +72,8 @@ class Properties:
     """Median error of the turn that it tells, for turns by any angle; None if it tells none."""
     turn_period_deg: float
     pose_error: tuple[float, float] | None
-    """Median errors of the relative pose, metres and degrees; None if the method tells none."""
+    """Median errors of the relative poses that it tells, metres and degrees; None if the method
+    tells none, NaN if it told none of these scans."""
     parameters: int
     scan_ms: float
     """From points to the descriptor, one at a time: the quickest of the scans."""
@@ -197,7 +198,7 @@ def _turn_error(method: Method, scores: MovedScores, motions: Sequence[_Motions]
     away = scores.turns[:, free] - np.radians(true)
     period = _period(method)
     away = (away + period / 2) % period - period / 2
-    return float(np.degrees(np.nanmedian(np.abs(away))))
+    return _median(np.degrees(np.abs(away)))
 
 
 def _pose_error(
@@ -220,8 +221,14 @@ def _pose_error(
         twin = Motion(still.yaw_deg + turn, shift)
         place, query = (image_of(method, motion(points), ground_z) for motion in (still, twin))
         errors.append(_apart(relative_poses(query, place[None])[0].numpy(), turn, shift))
-    metres, degrees = np.nanmedian(errors, axis=0)
-    return float(metres), float(degrees)
+    metres, degrees = np.transpose(errors)
+    return _median(metres), _median(degrees)
+
+
+def _median(values: ArrayLike) -> float:
+    """The median of what is told; NaN where nothing is."""
+    told = np.asarray(values)[np.isfinite(values)]
+    return float(np.median(told)) if len(told) else math.nan
 
 
 def _apart(

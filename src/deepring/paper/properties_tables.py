@@ -93,11 +93,11 @@ def _loss(loss: float | None) -> str:
 
 
 def _degrees(value: float | None) -> str:
-    return NONE if value is None else f"{short_text(value)}°"
+    return NONE if value is None or math.isnan(value) else f"{short_text(value)}°"
 
 
 def _pose(metres: float, degrees: float) -> str:
-    return f"{short_text(metres)} m, {short_text(degrees)}°"
+    return NONE if math.isnan(metres) else f"{short_text(metres)} m, {short_text(degrees)}°"
 
 
 def _cells(rows: Sequence[Sequence[str]]) -> list[list[Cell]]:

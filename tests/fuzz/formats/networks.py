@@ -36,6 +36,7 @@ _METHODS = (
     "egonn",
     "locnet",
     "rinet",
+    "lcdnet",
     "lpdnet",
     "overlapnet",
     "lcdnet",

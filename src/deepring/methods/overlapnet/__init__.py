@@ -40,8 +40,6 @@ class OverlapNetSettings(PlainSettings):
     layers: Sequence[Sequence[int]] = PUBLISHED
     #: Convolutions go on around the seam of the image; as published they do not.
     circular: bool = False
-    #: Ranges are divided by the largest; as published they are metres.
-    scaled: bool = False
     #: The second scan's columns are turned to those of the first before the head sees them; as
     #: published they are not.
     aligned: bool = False
@@ -67,7 +65,6 @@ class OverlapNet(NetworkMethod):
         super().__init__(settings, RangeNormalRaster)
         layers = checked_layers(settings.layers)
         circular = checks.of_type("overlapnet.circular", settings.circular, bool)
-        checks.of_type("overlapnet.scaled", settings.scaled, bool)
         checks.of_type("overlapnet.aligned", settings.aligned, bool)
         if settings.candidates is not None:
             checks.count("overlapnet.candidates", settings.candidates)
@@ -86,12 +83,7 @@ class OverlapNet(NetworkMethod):
         self, rasters: Float[Tensor, "batch channel theta row"]
     ) -> Float[Tensor, "batch column value"]:
         """Columns of features (b, columns, channels) float32, at least 0."""
-        images = rasters.float()
-        if self.settings.scaled:
-            reach = self.settings.raster["max_range"]
-            ranges = torch.where(images[:, :1] > 0, images[:, :1] / reach, images[:, :1])
-            images = torch.cat([ranges, images[:, 1:]], dim=1)
-        columns: Tensor = self.legs(images)
+        columns: Tensor = self.legs(rasters.float())
         return columns
 
     def overlap_logits(
