@@ -37,8 +37,10 @@ def test_scans_are_described_and_compared(folder):
     printed = output("describe_and_compare", folder)
     assert re.search(r"turned left by 90° +alike 0\.9\d, heading +90° further left", printed)
     order = printed.partition("most alike first:\n")[2].split("\n  ")
-    expected = ["the same scan", "turned left by 90°", "5 m further", "another street"]
-    assert [name.strip() for name in order[1:]] == expected
+    names = [name.strip() for name in order[1:]]
+    # A quarter turn of an image from above is exact: the first two differ by rounding alone.
+    assert set(names[:2]) == {"the same scan", "turned left by 90°"}
+    assert names[2:] == ["5 m further", "another street"]
 
 
 def test_scans_are_found_in_a_map(folder):
