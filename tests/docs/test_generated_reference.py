@@ -163,4 +163,4 @@ def test_equations_become_mathml():
     assert "<math" in page
     assert "<mo>&#x0003C;</mo>" in page
     with pytest.raises(ValueError, match="is no LaTeX"):
-        with_mathml('<span class="arithmatex">\\(\\frac{a\\)</span>')
+        with_mathml('<span class="arithmatex">\\(a_b_c\\)</span>')
