@@ -5,6 +5,7 @@ import dataclasses
 import re
 from dataclasses import dataclass
 
+import pytest
 from docsite.api_pages import api_pages
 from docsite.command_pages import command_pages, options, subparsers
 from docsite.config_files import comments_of, head_of
@@ -152,13 +153,8 @@ def test_a_page_shows_the_code_of_a_function_without_its_docstring():
     assert page.startswith("A\n```python title=")
 
 
+@pytest.mark.docs
 def test_equations_become_mathml():
-    import importlib.util
-
-    import pytest
-
-    if importlib.util.find_spec("latex2mathml") is None:
-        pytest.skip("latex2mathml comes with deepring[docs]")
     page = with_mathml('<p><span class="arithmatex">\\(a &lt; \\tau\\)</span></p>')
     assert "<math" in page
     assert "<mo>&#x0003C;</mo>" in page
