@@ -23,6 +23,24 @@ _FIRST, _BETWEEN = 2.0, (10.0, 30.0, 60.0)
 
 _silent = False
 
+Watcher = Callable[[str, int, int], None]
+"""Called with the title of a work, the number of things done and their total."""
+
+_watchers: list[Watcher] = []
+
+
+@contextmanager
+def watched(watcher: Watcher) -> Iterator[None]:
+    """Within the block, ``watcher`` is told how far each work of this process is, too.
+
+    It is called as often as the bar, and has to be quick.
+    """
+    _watchers.append(watcher)
+    try:
+        yield
+    finally:
+        _watchers.remove(watcher)
+
 
 def silence() -> None:
     """Say nothing in this process, for one that shares its terminal with others."""
@@ -40,15 +58,26 @@ def progress_bar(description: str) -> Iterator[Progress]:
     """
     title = printable(description)
     if _silent:
-        yield _say_nothing
+        yield _told(title, _say_nothing)
     elif draws_bars():
         with _bar() as bar:
             task = bar.add_task(title, total=None)
-            yield lambda done, total: bar.update(task, completed=done, total=total)
+            yield _told(title, lambda done, total: bar.update(task, completed=done, total=total))
     else:
         lines = ProgressLines(title)
-        yield lines
+        yield _told(title, lines)
         lines.end()
+
+
+def _told(title: str, show: Progress) -> Progress:
+    """Show how far it is, and tell the watchers."""
+
+    def both(done: int, total: int) -> None:
+        show(done, total)
+        for watcher in _watchers:
+            watcher(title, done, total)
+
+    return both
 
 
 def draws_bars() -> bool:

@@ -22,6 +22,7 @@ from deepring.experiment.sweep_outcomes import (
     note_outcome,
     run_sweep,
 )
+from helpers.sweeps import hydra_config
 
 
 class Job:
@@ -56,7 +57,7 @@ def jobs(tmp_path, monkeypatch):
 
 def swept(tmp_path, launch):
     """`run_sweep` of jobs that are launched as Hydra does it: after its callback."""
-    config = SimpleNamespace(hydra=SimpleNamespace(sweep=SimpleNamespace(dir=str(tmp_path))))
+    config = hydra_config(tmp_path, "seed=0,1,2")
 
     def launched():
         OutcomesFolder().on_multirun_start(config)
@@ -151,10 +152,10 @@ def test_what_a_killed_sweep_left_is_removed_and_a_running_ones_stays(tmp_path, 
     elsewhere = tmp_path / f".outcomes-another-machine-{ended.pid}-c"
     for folder in (left, running, elsewhere):
         folder.mkdir()
-    config = SimpleNamespace(hydra=SimpleNamespace(sweep=SimpleNamespace(dir=str(tmp_path))))
+    config = hydra_config(tmp_path, "seed=0,1,2")
     OutcomesFolder().on_multirun_start(config)
     own = Path(os.environ.pop(OUTCOMES))
-    assert set(tmp_path.iterdir()) == {running, elsewhere, own}
+    assert set(tmp_path.iterdir()) == {running, elsewhere, own, tmp_path / "sweep.json"}
 
 
 def test_a_full_disk_is_told_in_words(jobs, tmp_path):
