@@ -90,8 +90,7 @@ def _for_form(args: argparse.Namespace) -> list[str]:
 
 def run_multirun(arguments: Sequence[str]) -> SweepOutcomes:
     """Run the jobs of ``deepring train -m``; on Ctrl-C print their outcomes, and exit."""
-    overrides = checked(arguments)
-    overrides += naming(overrides, config_folder())
+    overrides = sweep_overrides(arguments)
     outcomes = run_sweep(lambda: _run_hydra("train", _sweep_job, overrides))
     if outcomes.interrupted:
         done, left = len(outcomes.finished), len(outcomes.failed)
@@ -100,6 +99,12 @@ def run_multirun(arguments: Sequence[str]) -> SweepOutcomes:
         print("interrupted; the same command goes on with what is left", file=sys.stderr)
         sys.exit(INTERRUPTED)
     return outcomes
+
+
+def sweep_overrides(arguments: Sequence[str]) -> list[str]:
+    """The checked arguments of a sweep, and how its folders are named."""
+    overrides = checked(arguments)
+    return [*overrides, *naming(overrides, config_folder())]
 
 
 def report_sweep(outcomes: SweepOutcomes) -> None:

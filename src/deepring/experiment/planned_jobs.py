@@ -1,16 +1,22 @@
 """The jobs that Hydra is about to launch: the names of their folders, and what each varies."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+from hydra import initialize_config_dir
 from hydra._internal.config_loader_impl import get_overrides_dirname
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from deepring.experiment.compose import in_our_words
+from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.sweep_names import folder_name
-from deepring.experiment.sweep_plan import PlannedJob, SweepPlan, at_once
+from deepring.experiment.sweep_plan import PlannedJob, SweepPlan, at_once, begin_plan
 
 #: How ``conf/hydra`` names the folder of a job; where it is named otherwise, no name is known
 #: before the job begins.
@@ -32,6 +38,27 @@ def planned(config: DictConfig) -> SweepPlan:
         return SweepPlan((), len(every), at_once=runs_at_once)
     jobs = {job.folder: job for job in (_job(job, hydra.job.config) for job in every)}
     return SweepPlan(tuple(jobs.values()), at_once=runs_at_once)
+
+
+def plan_together(sweeps: Sequence[Sequence[str]]) -> None:
+    """Write the plans of sweeps that one command runs one after the other, before the first.
+
+    Args:
+        sweeps: the overrides of each, without flags.
+
+    Raises:
+        ConfigError: a mistake in the overrides.
+        FileError: a plan cannot be written.
+    """
+    register_configs()
+    for overrides in sweeps:
+        with (
+            in_our_words(overrides),
+            initialize_config_dir(str(config_folder()), version_base="1.3"),
+        ):
+            loader = GlobalHydra.instance().config_loader()
+            config = loader.load_configuration("train", list(overrides), RunMode.MULTIRUN)
+            begin_plan(Path(config.hydra.sweep.dir).resolve(), planned(config))
 
 
 def _job(overrides: Sequence[str], naming: Any) -> PlannedJob:
