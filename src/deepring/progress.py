@@ -161,10 +161,20 @@ def _say_nothing(done: int, total: int) -> None:
 
 
 def _bar() -> "RichProgress":
-    """A bar of rich, above which lines on standard error are printed whole."""
+    """A bar of rich, above which lines on standard error are printed whole.
+
+    Where the terminal is narrow, the title is cut, and the numbers stay.
+    """
     from rich import progress
     from rich.console import Console
+    from rich.table import Column
     from rich.text import Text
+
+    class Title(progress.ProgressColumn):
+        """The title on one line, as much of it as there is room for."""
+
+        def render(self, task: progress.Task) -> Text:
+            return Text(task.description, no_wrap=True, overflow="ellipsis")
 
     class Rate(progress.ProgressColumn):
         """How many a second, or how long for each."""
@@ -172,12 +182,25 @@ def _bar() -> "RichProgress":
         def render(self, task: progress.Task) -> Text:
             return Text(rate_text(task.speed) if task.speed else "", style="progress.data.speed")
 
+    class Left(progress.ProgressColumn):
+        """The time left, in the words of the lines."""
+
+        max_refresh = 0.5
+
+        def render(self, task: progress.Task) -> Text:
+            left = task.time_remaining
+            text = "" if left is None or task.finished else f"{duration_text(left)} left"
+            return Text(text, style="progress.remaining")
+
+    def whole() -> Column:
+        return Column(no_wrap=True)
+
     columns = (
-        progress.TextColumn("{task.description}", markup=False),
-        progress.BarColumn(bar_width=20),
-        progress.MofNCompleteColumn(),
-        Rate(),
-        progress.TimeRemainingColumn(),
+        Title(),
+        progress.BarColumn(bar_width=20, table_column=whole()),
+        progress.MofNCompleteColumn(table_column=whole()),
+        Rate(table_column=whole()),
+        Left(table_column=whole()),
     )
     # Standard output stays as it is: what a command prints there may go into a file.
     return progress.Progress(

@@ -69,6 +69,17 @@ def swept(tmp_path, launch):
     return outcomes
 
 
+def test_a_process_that_an_earlier_sweep_began_notes_for_this_one(jobs, tmp_path, monkeypatch):
+    def launch():
+        own = os.environ[OUTCOMES]
+        with monkeypatch.context() as elsewhere:  # as in a process of joblib that is used again
+            elsewhere.setenv(OUTCOMES, str(tmp_path / ".outcomes-before"))
+            jobs[0].run(lambda: fail(DataError("no scans")))
+        assert Path(own).is_dir()
+
+    assert swept(tmp_path, launch).failed == [(jobs[0].folder, "no scans")]
+
+
 def fail(error):
     raise error
 

@@ -31,12 +31,13 @@ from deepring.experiment.sweep_notes import (
     read_note,
     write_note,
 )
-from deepring.experiment.sweep_plan import begin_plan, end_plan
+from deepring.experiment.sweep_plan import begin_plan, end_plan, read_plan
 from deepring.experiment.workers import Worker
 
 log = logging.getLogger(__name__)
 
-#: The environment variable that tells each job, in whichever process, where to note its outcome.
+#: The environment variable that tells the jobs of this process, and of those that it starts, where
+#: to note their outcomes.
 OUTCOMES = "DEEPRING_SWEEP_OUTCOMES"
 
 #: How the folders of outcomes begin; machine and process of the sweep follow.
@@ -157,7 +158,7 @@ def note_outcome(is_mistake: Callable[[Exception], bool]) -> Iterator[None]:
     """
     hydra = HydraConfig.get()
     folder = Path(hydra.runtime.output_dir)
-    path = Path(os.environ.get(OUTCOMES, folder.parent)) / f"{hydra.job.num:04d}.json"
+    path = _outcomes_folder(folder.parent) / f"{hydra.job.num:04d}.json"
     attempts = read_note(path).attempts if path.is_file() else 0
     note = Note(folder, KILLED, attempts + 1, Worker.here(), time.time())
     try:
@@ -175,6 +176,19 @@ def note_outcome(is_mistake: Callable[[Exception], bool]) -> Iterator[None]:
         note = replace(note, error=None)
     finally:
         write_note(path, note)
+
+
+def _outcomes_folder(sweep: Path) -> Path:
+    """Where the jobs of this sweep note their outcomes.
+
+    A launcher's process may have begun with an earlier sweep of the same command, whose folder is
+    gone: then the sweep's plan tells.
+    """
+    of_process = os.environ.get(OUTCOMES, "")
+    if Path(of_process).is_dir() and Path(of_process).parent == sweep:
+        return Path(of_process)
+    plan = read_plan(sweep)
+    return sweep if plan is None or plan.outcomes is None else sweep / plan.outcomes
 
 
 def _notes() -> list[Note]:
