@@ -17,6 +17,7 @@ from deepring.experiment import build, loggers
 from deepring.experiment.config import Config
 from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.record import record_of
+from deepring.experiment.signs_of_life import SignsOfLife, TrainingSigns
 from deepring.experiment.stages import Stage, StageOutcome, begun_with, last_checkpoint
 from deepring.experiment.start import (
     NOTHING,
@@ -66,6 +67,7 @@ class StageTraining:
     datamodule: PlaceDataModule
     trainer: L.Trainer
     timer: Timer
+    telling: TrainingSigns
 
     @classmethod
     def of(
@@ -84,14 +86,15 @@ class StageTraining:
         module = build.module(cfg, trains, method, beginning.before)
         if cfg.resume is not None and beginning.resumed is not None:
             check_resume(cfg.resume, beginning.resumed, module)
-        timer = Timer()
+        timer, telling = Timer(), TrainingSigns(stage.name, stage.of_whole)
         trainer = build.trainer(
-            cfg, stage.folder, validation=module.validation, further=[timer, *further]
+            cfg, stage.folder, validation=module.validation, further=[timer, telling, *further]
         )
-        return cls(stage, module, datamodule, trainer, timer)
+        return cls(stage, module, datamodule, trainer, timer, telling)
 
-    def run(self) -> StageOutcome:
-        """Train. Raises StoppedError on Ctrl-C."""
+    def run(self, signs: SignsOfLife | None) -> StageOutcome:
+        """Train, and tell how far it is. Raises StoppedError on Ctrl-C."""
+        self.telling.signs = signs
         stage, trainer, method = self.stage, self.trainer, self.module.method
         log.info(
             "%straining %d parameters of %s on %s",
@@ -137,6 +140,7 @@ def train_stages(
     later: Sequence[Stage],
     ended: Sequence[StageOutcome],
     trains: list[PlaceDataset],
+    signs: SignsOfLife | None,
 ) -> tuple[StageTraining, list[StageOutcome]]:
     """Train one stage after the other, each from the checkpoint that the one before chose.
 
@@ -145,17 +149,18 @@ def train_stages(
         later: those after it.
         ended: how the ones before it have ended.
         trains: the datasets.
+        signs: that the run gives, in its first process.
 
     Returns:
         The last one, and how each has ended.
     """
-    training, outcomes = first, [*ended, first.run()]
+    training, outcomes = first, [*ended, first.run(signs)]
     for each in later:
         if training.trainer.is_global_zero:
             training.stage.end(outcomes[-1])
         stage = begun_with(each, training.checkpoint)
         training = StageTraining.of(stage, begin(stage.cfg), trains)
-        outcomes.append(training.run())
+        outcomes.append(training.run(signs))
     return training, outcomes
 
 

@@ -8,6 +8,7 @@ leaves ``stage.json`` there once it has ended.
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,8 @@ class Stage:
     cfg: Config
     """The config of the run with the stage's own values."""
     folder: Path
+    of_whole: tuple[float, float] = (0.0, 1.0)
+    """Where it begins and ends, as shares of the training's epochs."""
 
     @property
     def last_checkpoint(self) -> Path:
@@ -82,9 +85,18 @@ def stages_of(cfg: Config, folder: Path) -> list[Stage]:
     """The stages of a run, in their order; a training without stages is one."""
     if not cfg.stages:
         return [Stage("", cfg, folder)]
+    epochs = [_epochs(values["trainer"]) for values in cfg.stages.values()]
+    if None in epochs:  # as long as it takes
+        epochs = [1] * len(epochs)
+    ends = [0, *accumulate(each or 0 for each in epochs)]
     return [
-        Stage(name, replace(cfg, **_own(values)), stage_folder(folder, [*cfg.stages], name))
-        for name, values in cfg.stages.items()
+        Stage(
+            name,
+            replace(cfg, **_own(values)),
+            stage_folder(folder, [*cfg.stages], name),
+            (ends[k] / ends[-1], ends[k + 1] / ends[-1]),
+        )
+        for k, (name, values) in enumerate(cfg.stages.items())
     ]
 
 
@@ -139,6 +151,12 @@ def run_of(checkpoint: Path) -> Path | None:
 
 def _anew(stage: Stage) -> Stage:
     return replace(stage, cfg=replace(stage.cfg, resume=None, start_from=None))
+
+
+def _epochs(trainer: Any) -> int | None:
+    """The epochs of a trainer's node, if it states them."""
+    epochs = trainer.get("max_epochs") if isinstance(trainer, dict) else None
+    return epochs if isinstance(epochs, int) and epochs > 0 else None
 
 
 def _own(values: dict[str, Any]) -> dict[str, Any]:

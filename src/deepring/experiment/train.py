@@ -22,6 +22,7 @@ from deepring.experiment.run_folder import (
     link_latest,
     open_run_folder,
 )
+from deepring.experiment.signs_of_life import SignsOfLife, signs_of_life
 from deepring.experiment.stage_training import (
     StageTraining,
     begin,
@@ -30,7 +31,7 @@ from deepring.experiment.stage_training import (
 )
 from deepring.experiment.stages import stages_left
 from deepring.experiment.start import expect_no_start
-from deepring.experiment.status import Status, note_failure, write_status
+from deepring.experiment.status import Status, note_failure, read_status, write_status
 
 log = logging.getLogger(__name__)
 
@@ -79,8 +80,8 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
         seen = [d for d in tests if d.name in beginning.before.datasets and d not in trains]
         check_overlap(cfg.overlap, [*trains, *seen], splits)
     first = StageTraining.of(stages[0], beginning, trains, [LinkLatest(folder)] if latest else [])
-    with _run_of(cfg, folder):
-        last, ended = train_stages(first, stages[1:], ended, trains)
+    with _run_of(cfg, folder) as signs:
+        last, ended = train_stages(first, stages[1:], ended, trains, signs)
         checkpoint = last.checkpoint
         found = Evaluation([], [])
         if cfg.evaluate and last.trainer.is_global_zero:
@@ -88,29 +89,45 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
             loggers.add_results(last.trainer.loggers, found.results)
         score, seconds = ended[-1].score, sum(each.seconds for each in ended)
         if last.trainer.is_global_zero:
-            write_status(folder, Status("finished", score=score, seconds=seconds))
+            _finish(folder, signs, score, seconds)
     return TrainingOutcome(folder, checkpoint, *found, score)
 
 
 @contextmanager
-def _run_of(cfg: Config, folder: Path) -> Iterator[None]:
-    """Open the run's folder, and note there how the block ends; in the first process only."""
+def _run_of(cfg: Config, folder: Path) -> Iterator[SignsOfLife | None]:
+    """Open the run's folder, and note there how far the block is and how it ends.
+
+    In the first process only; the others have no signs to give.
+    """
     if not is_first_process():
-        yield
+        yield None
         return
+    before = read_status(folder) if cfg.resume is not None else None
     open_run_folder(record_of(cfg), folder)
-    write_status(folder, Status("running"))
-    with note_failure(folder):
-        yield
+    with (
+        note_failure(folder),
+        signs_of_life(folder, 0.0 if before is None else before.took or 0.0) as signs,
+    ):
+        yield signs
+
+
+def _finish(
+    folder: Path,
+    signs: SignsOfLife | None,
+    score: float | None = None,
+    seconds: float | None = None,
+) -> None:
+    took = None if signs is None else signs.took
+    write_status(folder, Status("finished", score=score, seconds=seconds, took=took))
 
 
 def _evaluate_alone(cfg: Config, folder: Path, *, latest: bool) -> TrainingOutcome:
     """Evaluate a method that learns nothing, in a run folder like any other."""
     plan = plan_evaluation(cfg)
     log.info("%s learns nothing: it is evaluated", next(iter(plan.fixed)))
-    with _run_of(cfg, folder):
+    with _run_of(cfg, folder) as signs:
         found = evaluate(plan, folder)
-        write_status(folder, Status("finished"))
+        _finish(folder, signs)
     if latest:
         link_latest(folder)
     return TrainingOutcome(folder, None, *found, None)
