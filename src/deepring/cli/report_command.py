@@ -15,5 +15,5 @@ def report_command(args: argparse.Namespace) -> None:
         expect_new(args.output)
     path = args.output or args.run / "report.html"
     expect_writable(path)
-    write_whole(path, [report(args.run, args.failures).encode("utf-8", "backslashreplace")])
+    write_whole(path, [report(args.run, args.pictures).encode("utf-8", "backslashreplace")])
     show_written(args, [path], lambda: console.print(f"written      {path}"))

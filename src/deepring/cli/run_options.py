@@ -133,11 +133,11 @@ def add_report(parser: Parser) -> None:
     parser.add_argument("run", type=Path, metavar="RUN", help="folder of an evaluated run")
     add_output(parser, "FILE", "the new page (RUN/report.html)", required=False)
     parser.add_argument(
-        "--failures",
+        "--pictures",
         type=whole(0),
-        default=6,
+        default=120,
         metavar="N",
-        help="number of failures to draw (%(default)s)",
+        help="queries to show with their scans (%(default)s)",
     )
     add_form(parser, "text")
     parser.runs("deepring.cli.report_command:report_command")

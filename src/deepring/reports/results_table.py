@@ -93,8 +93,13 @@ def interval_text(share: float, count: float) -> str:
     >>> interval_text(0.862, 65)
     '(.76-.93)'
     """
-    low, high = (f"{bound:.2f}".removeprefix("0") for bound in wilson(share, count))
-    return f"({low}-{high})"
+    return bounds_text(*wilson(share, count))
+
+
+def bounds_text(low: float, high: float) -> str:
+    """The ends of an interval of a share, as `interval_text` writes them."""
+    ends = (f"{bound:.2f}".removeprefix("0") for bound in (low, high))
+    return f"({'-'.join(ends)})"
 
 
 def within_text(radius: float, wrong_beyond: float) -> str:
