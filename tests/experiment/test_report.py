@@ -155,8 +155,20 @@ def test_pictures_that_are_none_are_not_embedded(run, tmp_path):
 
 
 def test_what_is_no_run_is_refused(tmp_path):
-    with pytest.raises(DeepringError, match=r"no results\.csv"):
+    with pytest.raises(DeepringError, match=rf"{tmp_path}: no run in it"):
         report(tmp_path)
+    with pytest.raises(DeepringError, match="none: no such folder"):
+        report(tmp_path / "none")
+
+
+def test_a_radius_without_results_is_refused_and_another_is_shown(run):
+    with pytest.raises(DeepringError, match="radius: 7 m, expected one of 5, 10, 15, 20, 25"):
+        report(run, radius=7.0)
+    text = report(run, 0, radius=5.0, over="all")
+    result = next(r for r in read_results(run / "results.csv") if r.radius_m == 5)
+    share = result.recall_1 * result.answerable / result.queries
+    assert f"{round(share * result.queries)} of the {result.queries} queries: " in text
+    assert "right within 5 m" in text
 
 
 def test_a_config_of_other_types_is_named(run, tmp_path):

@@ -3,6 +3,7 @@
 The run may be another's: nothing that its config names is imported, and nothing is written.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from omegaconf import OmegaConf
 from deepring.errors import ConfigError, DeepringError, FileError
 from deepring.evaluation.case import shortened
 from deepring.evaluation.matches import TopMatches, matches_in
+from deepring.evaluation.metrics import Over
 from deepring.evaluation.results import RECALLS, Result, read_results
 from deepring.experiment.config import Config, check_config
 from deepring.experiment.method_views import MethodViews
@@ -27,7 +29,14 @@ from deepring.reports.comparison_sections import curves, side_by_side
 from deepring.reports.method_results import Kinds, MethodResults, RegionResults
 from deepring.reports.query_section import query_sections
 from deepring.reports.query_view import QueryMap
-from deepring.reports.results_table import bounds_text, counted, interval_text, recall, within_text
+from deepring.reports.results_table import (
+    bounds_text,
+    counted,
+    expect_results_at,
+    interval_text,
+    recall,
+    within_text,
+)
 
 _HEAD = (
     *("method", "test", "region", "R@1", "R@5", "R@1%"),
@@ -35,12 +44,15 @@ _HEAD = (
 )
 
 
-def run_page(run: Path, pictures: int) -> str:
-    """The page. Raises DeepringError if ``run`` is not the folder of an evaluated run."""
+def run_page(run: Path, pictures: int, radius: float | None, over: Over | None) -> str:
+    """The page; see `deepring.experiment.report.report`."""
     results = read_results(run / "results.csv")
     cfg = read_run_config(run)
+    radius = float(cfg.evaluation.radii[0]) if radius is None else radius
+    expect_results_at(results, radius)
+    over = cfg.evaluation.counted_over if over is None else over
     matches = list(matches_in(run))
-    regions = regions_of_run(results, matches, cfg)
+    regions = regions_of_run(results, matches, cfg, radius, over)
     kinds = Kinds(regions)
     main = main_method(results, cfg)
     within = within_text(regions[0].radius, regions[0].wrong_beyond or regions[0].radius)
@@ -53,7 +65,7 @@ def run_page(run: Path, pictures: int) -> str:
         html.heading("Queries one by one"),
         *_queries(run, cfg, matches, main, regions, pictures),
         html.heading("All figures"),
-        html.table(_HEAD, [_row(r, cfg) for r in results if r.radius_m == regions[0].radius]),
+        html.table(_HEAD, [_row(r, over) for r in results if math.isclose(r.radius_m, radius)]),
         html.details("Config", [html.preformatted(_text(run / "config.yaml"))]),
     ]
     return html.page(f"{cfg.experiment_name}: {run.resolve().name}", parts)
@@ -71,7 +83,11 @@ def read_run_config(run: Path) -> Config:
 
 
 def regions_of_run(
-    results: Sequence[Result], matches: Sequence[TopMatches], cfg: Config
+    results: Sequence[Result],
+    matches: Sequence[TopMatches],
+    cfg: Config,
+    radius: float,
+    over: Over,
 ) -> list[RegionResults]:
     """The regions of a run in the order of its results, with the methods that were tested there."""
     found = {m.case: m for m in matches}
@@ -87,9 +103,8 @@ def regions_of_run(
             )
             for case in dict.fromkeys(r.case for r in of_region)
         ]
-        radius = float(cfg.evaluation.radii[0])
-        beyond, over = cfg.evaluation.wrong_beyond, cfg.evaluation.counted_over
-        regions.append(RegionResults(f"{test} {region}".strip(), methods, radius, beyond, over))
+        title, beyond = f"{test} {region}".strip(), cfg.evaluation.wrong_beyond
+        regions.append(RegionResults(title, methods, radius, beyond, over))
     return regions
 
 
@@ -208,8 +223,7 @@ def _figures(folder: Path) -> Iterator[str]:
         yield html.picture(file, name)
 
 
-def _row(r: Result, cfg: Config) -> tuple[str, ...]:
-    over = cfg.evaluation.counted_over
+def _row(r: Result, over: Over) -> tuple[str, ...]:
     recalls = (
         f"{share:.3f} {interval_text(share, counted(r, over))}"
         for share in (recall(r, name, over) for name in RECALLS)

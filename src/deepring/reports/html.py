@@ -76,13 +76,21 @@ def paragraph(text: str) -> str:
     return f"<p>{escaped(text)}</p>"
 
 
+def link(text: str, to: str | None) -> str:
+    """A link to a file beside the page, quoted already; the text alone where there is none."""
+    return escaped(text) if to is None else f'<a href="{escaped(to)}">{escaped(text)}</a>'
+
+
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table of plain text."""
+    return table_of_html(head, ([*map(escaped, row)] for row in rows))
+
+
+def table_of_html(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table whose cells are HTML already."""
     cells = "".join(f'<th scope="col">{escaped(name)}</th>' for name in head)
     lines = "\n".join(
-        f'<tr><th scope="row">{escaped(first)}</th>'
-        + "".join(f"<td>{escaped(value)}</td>" for value in rest)
-        + "</tr>"
+        f'<tr><th scope="row">{first}</th>{"".join(f"<td>{value}</td>" for value in rest)}</tr>'
         for first, *rest in rows
     )
     header = f"<thead><tr>{cells}</tr></thead>\n" if any(head) else ""
@@ -96,7 +104,8 @@ def shown_table(table: Table) -> str:
     lines = []
     for number, row in enumerate(table.rows):
         rule = ' class="rule"' if number in table.breaks else ""
-        lines.append(f"<tr{rule}>{''.join(_cell(*each, table.names) for each in enumerate(row))}")
+        words = "".join(_cell(*each, table.names) for each in enumerate(row))
+        lines.append(f"<tr{rule}>{words}</tr>")
     notes = "".join(f"<li>{escaped(note)}</li>" for note in table.notes)
     below = f'\n<ul class="soft notes">{notes}</ul>' if notes else ""
     return (
@@ -123,6 +132,11 @@ def bullets(lines: Sequence[str], most: int | None = None) -> str:
     rest = 0 if most is None else len(lines) - most
     more = f"\n{paragraph(f'And {rest} more.')}" if rest > 0 else ""
     return f'<ul class="long">\n{listed}\n</ul>{more}'
+
+
+def points(lines: Iterable[str]) -> str:
+    """A short list of lines of plain text, all of it shown."""
+    return "<ul>\n" + "\n".join(f"<li>{escaped(line)}</li>" for line in lines) + "\n</ul>"
 
 
 def pictures_in_rows(pictures: Iterable[str], *, wide: bool = False) -> str:

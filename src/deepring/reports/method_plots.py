@@ -29,7 +29,8 @@ class Family(NamedTuple):
 
     title: str
     explained: str
-    plots: list[str]
+    plots: dict[str, str]
+    """Title of a region to its plot."""
 
 
 def families(regions: Sequence[RegionResults], kinds: Kinds) -> Iterator[Family]:
@@ -61,7 +62,7 @@ def families(regions: Sequence[RegionResults], kinds: Kinds) -> Iterator[Family]
         ),
     ]
     for title, explained, plot in drawn:
-        plots = [each for region in regions if (each := plot(region)) is not None]
+        plots = {r.title: each for r in regions if (each := plot(r)) is not None}
         if plots:
             yield Family(title, explained, plots)
 
@@ -100,7 +101,7 @@ def _curves(region: RegionResults) -> Iterator[tuple[MethodResults, list[Curve]]
 
 
 def _precision_plot(region: RegionResults, kinds: Kinds) -> str | None:
-    plot = svg.Plot(region.title, svg.rate_axis("recall"), svg.rate_axis("precision"))
+    plot = svg.Plot(svg.rate_axis("recall"), svg.rate_axis("precision"))
     every = list(_curves(region))
     marks = []
     for number, (method, curves) in enumerate(every):
@@ -126,7 +127,7 @@ def _precision_band(plot: svg.Plot, curve: Curve, kind: str) -> str:
 
 
 def _f1_plot(region: RegionResults, kinds: Kinds) -> str | None:
-    plot = svg.Plot(region.title, svg.rate_axis("share accepted"), svg.rate_axis("F1"))
+    plot = svg.Plot(svg.rate_axis("share accepted"), svg.rate_axis("F1"))
     marks = []
     for method, curves in _curves(region):
         kind = kinds.of(method)
@@ -142,7 +143,7 @@ def _f1_plot(region: RegionResults, kinds: Kinds) -> str | None:
 def _recall_plot(region: RegionResults, kinds: Kinds) -> str | None:
     names = ("@1", "@5", "@1 %")
     across = svg.Axis("places that are looked at", -0.5, 2.5, (0, 1, 2), names)
-    plot = svg.Plot(region.title, across, svg.rate_axis("recall"))
+    plot = svg.Plot(across, svg.rate_axis("recall"))
     methods = region.ranked()
     marks = []
     for method, beside in reversed([*zip(methods, _beside(len(methods)), strict=True)]):
@@ -158,7 +159,7 @@ def _recall_plot(region: RegionResults, kinds: Kinds) -> str | None:
 def _radius_plot(region: RegionResults, kinds: Kinds, radii: Sequence[float]) -> str | None:
     ticks = radii if len(radii) <= 6 else svg.round_ticks(radii[0], radii[-1])
     across = svg.Axis("radius (m)", radii[0], radii[-1], ticks)
-    plot = svg.Plot(region.title, across, svg.rate_axis("Recall@1"))
+    plot = svg.Plot(across, svg.rate_axis("Recall@1"))
     marks = []
     methods = region.ranked()
     for method in reversed(methods):

@@ -32,15 +32,9 @@ class MethodResults:
         return f"{self.name} ({self.trained_on})" if self.trained_on else self.name
 
     @property
-    def alone(self) -> str:
-        """The label without re-ranking: that of the method which shares the colour."""
-        name = method_label(self.name)
-        return f"{name} ({self.trained_on})" if self.trained_on else name
-
-    @property
     def is_reranked(self) -> bool:
         """Whether it is another one's, with its candidates aligned."""
-        return self.alone != self.label
+        return method_label(self.name) != self.name
 
     def at(self, radius: float) -> dict[int, Result]:
         """The results at a radius by seed."""
@@ -76,6 +70,11 @@ class RegionResults:
     wrong_beyond: float | None
     over: Over
 
+    @property
+    def same_seeds(self) -> bool:
+        """Whether all methods have the same seeds, and so were asked the same queries."""
+        return len({frozenset(method.at(self.radius)) for method in self.ranked()}) == 1
+
     def ranked(self) -> list[MethodResults]:
         """Those with a result at the radius, the highest mean Recall@1 first."""
         known = [method for method in self.methods if method.at(self.radius)]
@@ -91,18 +90,21 @@ class RegionResults:
 class Kinds:
     """The look of each method, the same on the whole page.
 
-    A method and its re-ranked twin share a colour, and the twin is dashed.
+    A method has a colour, with the colours' second round dotted. Its re-ranked twin is dashed, and
+    where it was trained on several datasets, all but the first one are paler.
     """
 
     def __init__(self, regions: Iterable[RegionResults]) -> None:
-        methods = [method for region in regions for method in region.methods]
-        self.methods = {method.label: method for method in methods}
-        self._numbers: dict[str, int] = {}
-        for method in methods:
-            self._numbers.setdefault(method.alone, len(self._numbers))
+        regions = list(regions)
+        methods = [method for region in regions for method in (*region.ranked(), *region.methods)]
+        names = dict.fromkeys(method_label(method.name) for method in methods)
+        self._numbers = {name: number for number, name in enumerate(names)}
+        self._trainings = list(dict.fromkeys(m.trained_on for m in methods if m.trained_on))
 
     def of(self, method: MethodResults) -> str:
         """The classes of a method's marks."""
-        number = self._numbers[method.alone]
+        number = self._numbers[method_label(method.name)]
         again = " again" if method.is_reranked else ""
-        return f"m{number % len(PALETTE)} r{min(number // len(PALETTE), 2)}{again}"
+        other = method.trained_on and self._trainings.index(method.trained_on) > 0
+        pale = " pale" if other else ""
+        return f"m{number % len(PALETTE)} r{min(number // len(PALETTE), 2)}{again}{pale}"

@@ -172,7 +172,7 @@ def _correlation(region: QueryMap, view: QueryView) -> str | None:
     ticks = svg.round_ticks(low, high, 4)
     across = svg.Axis("turn (°)", 0.0, region.period, np.linspace(0, region.period, 5).tolist())
     up = svg.Axis("score", low, high + 0.05 * (high - low or 1), ticks)
-    plot = svg.Plot("", across, up, width=560, height=200)
+    plot = svg.Plot(across, up, width=560, height=200)
     marks = []
     for role, place in known.items():
         degrees = math.degrees(place.true.turn) % region.period

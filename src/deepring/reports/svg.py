@@ -13,8 +13,8 @@ from deepring.reports.escaping import escaped
 Point = tuple[float, float]
 
 #: Size of a plot and the room for its labels, in units of the view box.
-WIDTH, HEIGHT = 300, 226
-_LEFT, _RIGHT, _TOP, _BOTTOM = 38, 10, 24, 38
+WIDTH, HEIGHT = 300, 212
+_LEFT, _RIGHT, _TOP, _BOTTOM = 38, 10, 10, 38
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,6 @@ def rate_axis(label: str) -> Axis:
 class Plot:
     """A plot's axes, by which its marks are placed."""
 
-    title: str
     across: Axis
     up: Axis
     width: int = WIDTH
@@ -74,7 +73,7 @@ class Plot:
     def _frame(self) -> str:
         left, bottom = self.at(self.across.low, self.up.low)
         right, top = self.at(self.across.high, self.up.high)
-        parts = [text(left, _TOP - 10, self.title, "title")]
+        parts = []
         for number, tick in enumerate(self.across.ticks):
             x, _ = self.at(tick, self.up.low)
             parts.append(f'<path class="grid" d="M{x} {top}V{bottom}"/>')
