@@ -24,6 +24,7 @@ from deepring.paper.comparison_tables import shown_tables
 from deepring.paper.seed_groups import Run
 from deepring.reports import html
 from deepring.reports.comparison_sections import curves, leaders, pairs, side_by_side
+from deepring.reports.escaping import escaped
 from deepring.reports.method_results import Kinds, RegionResults
 from deepring.reports.results_table import within_text
 from deepring.reports.table import NONE, Table
@@ -161,7 +162,7 @@ def _runs_table(runs: Sequence[Run], folder: Path, beside: Path) -> str:
         methods = ", ".join(dict.fromkeys(r.case.method for r in run.results))
         page = path / "report.html"
         to = quote(os.path.relpath(page, beside)) if page.is_file() else None
-        return [html.link(name, to), *map(html.escaped, (str(run.seed), minutes, methods))]
+        return [html.link(name, to), *map(escaped, (str(run.seed), minutes, methods))]
 
     head = ("run", "seed", "training (min)", "methods")
     return html.table_of_html(head, map(row, runs))

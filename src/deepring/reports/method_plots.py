@@ -83,9 +83,13 @@ def curve_of(matches: TopMatches, radius: float, wrong_beyond: float | None) -> 
     precision, recall, thresholds = precision_recall(matches, radius, wrong_beyond)
     ordered = np.sort(matches.score[:, 0])
     accepted = len(ordered) - np.searchsorted(ordered, thresholds.numpy())
-    f1 = f1_along(precision, recall)
-    values = (tensor.numpy().astype(np.float64) for tensor in (precision, recall, f1))
-    return Curve(*values, accepted.astype(np.float64), len(ordered))
+    return Curve(
+        precision.numpy().astype(np.float64),
+        recall.numpy().astype(np.float64),
+        f1_along(precision, recall).numpy().astype(np.float64),
+        accepted.astype(np.float64),
+        len(ordered),
+    )
 
 
 def _curves(region: RegionResults) -> Iterator[tuple[MethodResults, list[Curve]]]:

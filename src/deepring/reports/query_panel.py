@@ -41,11 +41,12 @@ def query_panel(
     region: QueryMap, view: QueryView, names: Names, around: Sequence[QueryView], first: bool
 ) -> str:
     """The panel; ``around`` are the queries before and after it, as far as there are any."""
+    kind = "pictures" if view.nearest is not None else "two pictures"
     parts = [
         f"<h4>{escaped(_said(region, view))}</h4>",
         _links(names, view, around),
         _verdicts(region, view.row),
-        f'<div class="pictures">\n{"".join(_pictures(region, view, names))}\n</div>',
+        f'<div class="{kind}">\n{"".join(_pictures(region, view, names))}\n</div>',
     ]
     if (plot := _correlation(region, view)) is not None:
         parts.append(
@@ -135,9 +136,9 @@ def _overlays(
 
 
 def _overlay(region: QueryMap, place: str, query: str, lie: Lie, words: str) -> str:
-    pose = f"turn {math.degrees(lie.turn):.0f}°"
+    pose = f"turn {math.degrees(lie.turn):z.0f}°"
     if lie.position is not None:
-        pose += f", at ({lie.position[0]:.1f}, {lie.position[1]:.1f}) m"
+        pose += f", at ({lie.position[0]:z.1f}, {lie.position[1]:z.1f}) m"
     drawing = overlaid(place, query, lie, region.extent, f"Overlay, {words}: {pose}")
     return _figure(drawing, f"{words}: {pose}")
 

@@ -74,5 +74,5 @@ def _smaller(values: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
     starts = np.linspace(0, size, _MOST, endpoint=False).astype(int)
     counts = np.diff(np.append(starts, size))
     shape = (-1, 1) if axis == 0 else (1, -1)
-    means: NDArray[np.float32] = np.add.reduceat(values, starts, axis=axis) / counts.reshape(shape)
-    return means
+    sums = np.add.reduceat(values, starts, axis=axis)
+    return (sums / counts.reshape(shape)).astype(np.float32)
