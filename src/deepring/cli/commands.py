@@ -48,6 +48,13 @@ COMMANDS = {
             "such as hydra/launcher=joblib or test_data.kitti.root=FOLDER."
         ),
     ),
+    "status": _Command(
+        run_options.add_status,
+        "say how far a sweep is",
+        "Say which jobs of a sweep are done, running, failed or waiting, and about how long it "
+        "still takes, while it runs or afterwards. Exits with 1 if a job failed, was killed, or "
+        "gives no sign of life.",
+    ),
     "score": _Command(
         run_options.add_score,
         "score exported descriptors again",

@@ -1,4 +1,4 @@
-"""Options of the commands about runs: train, evaluate, compare, score, tables and report."""
+"""Options of the commands about runs, from train to report."""
 
 import argparse
 from pathlib import Path
@@ -81,6 +81,19 @@ def add_compare(parser: Parser) -> None:
     add_form(parser)
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE")
     parser.runs("deepring.cli.compare_command:compare_command")
+
+
+def add_status(parser: Parser) -> None:
+    """``deepring status PATH...``."""
+    parser.add_argument(
+        "paths",
+        type=Path,
+        nargs="+",
+        metavar="PATH",
+        help="folder of a sweep, of several, or of a run",
+    )
+    add_form(parser)
+    parser.runs("deepring.cli.status_command:status_command")
 
 
 def add_score(parser: Parser) -> None:

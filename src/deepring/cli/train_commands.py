@@ -7,7 +7,6 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,6 +30,8 @@ from deepring.experiment.compose import in_our_words
 from deepring.experiment.config import EvaluationSettings, check_config
 from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.run_folder import is_first_process, link_latest, open_run_folder
+from deepring.experiment.status import is_finished
+from deepring.experiment.sweep_lines import job_begins, job_ended
 from deepring.experiment.sweep_names import naming
 from deepring.experiment.sweep_outcomes import (
     SweepOutcomes,
@@ -42,6 +43,8 @@ from deepring.progress import silence
 from deepring.reports.pose_errors_table import render_poses
 from deepring.reports.results_table import render, render_radii
 from deepring.text import printable
+
+log = logging.getLogger(__name__)
 
 #: Config keys of the library's arguments, by name.
 _KEYS = {
@@ -87,8 +90,7 @@ def _for_form(args: argparse.Namespace) -> list[str]:
 
 def run_multirun(arguments: Sequence[str]) -> SweepOutcomes:
     """Run the jobs of ``deepring train -m``; on Ctrl-C print their outcomes, and exit."""
-    overrides = checked(arguments)
-    overrides += naming(overrides, config_folder())
+    overrides = sweep_overrides(arguments)
     outcomes = run_sweep(lambda: _run_hydra("train", _sweep_job, overrides))
     if outcomes.interrupted:
         done, left = len(outcomes.finished), len(outcomes.failed)
@@ -97,6 +99,12 @@ def run_multirun(arguments: Sequence[str]) -> SweepOutcomes:
         print("interrupted; the same command goes on with what is left", file=sys.stderr)
         sys.exit(INTERRUPTED)
     return outcomes
+
+
+def sweep_overrides(arguments: Sequence[str]) -> list[str]:
+    """The checked arguments of a sweep, and how its folders are named."""
+    overrides = checked(arguments)
+    return [*overrides, *naming(overrides, config_folder())]
 
 
 def report_sweep(outcomes: SweepOutcomes) -> None:
@@ -163,14 +171,18 @@ def _sweep_job(composed: DictConfig) -> float:
     open_streams()  # it may be the first thing that a process of the launcher does
     tune_process()
     _keep_log_short()
-    _name_in_log(Path(HydraConfig.get().runtime.output_dir).name)
-    score = None
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    _name_in_log(folder.name)
+    score, skipped = None, False
     with note_outcome(is_mistake):
+        if not (skipped := is_finished(folder)):
+            log.info("%s", job_begins(folder))
         cfg = check_config(composed)
         if in_parallel():
             silence()
-            cfg = replace(cfg, callbacks={**cfg.callbacks, "progress": None})
         score = run_job(cfg, run_folder(cfg.paths.run))
+    if not skipped:
+        log.info("%s", job_ended(folder))
     return math.nan if score is None else score
 
 

@@ -120,12 +120,26 @@ def _raster(values: Any, key: str) -> Raster:
 
 
 def fixed_methods(cfg: Config) -> dict[str, Method]:
-    """The configured methods that learn nothing, by label: ``method`` and ``methods``."""
+    """The configured methods that learn nothing, by label: ``method`` and ``methods``.
+
+    Raises ConfigError where two methods that differ have one label: a table could hold only one.
+    """
     nodes = {f"methods.{name}": node for name, node in cfg.methods.items() if node is not None}
-    if cfg.method is not None and not learns(cfg.method):
+    if cfg.method is not None:
         nodes = {"method": cfg.method, **nodes}
-    made = {key: method(node, key) for key, node in nodes.items()}
-    return {nodes[key].get("label", key.rpartition(".")[2]): each for key, each in made.items()}
+    first: dict[str, str] = {}
+    for key, node in nodes.items():
+        label = node.get("label", key.rpartition(".")[2])
+        if learns(node):
+            label = class_of(node, key).settings_class.label
+        other = first.setdefault(label, key)
+        if node != nodes[other]:
+            raise ConfigError(
+                f"{key}.label: {label!r}, the label of {other} too, whose settings differ; give it "
+                f"a label of its own, {key}.label=NAME, or leave it out, {key}=null"
+            )
+    fixed = {label: key for label, key in first.items() if not learns(nodes[key])}
+    return {label: method(nodes[key], key) for label, key in fixed.items()}
 
 
 def raster_cache(cfg: Config) -> RasterCache:

@@ -28,6 +28,7 @@ from deepring.experiment.run_folder import (
     link_latest,
     open_run_folder,
 )
+from deepring.experiment.signs_of_life import SignsOfLife, TrainingSigns, signs_of_life
 from deepring.experiment.start import (
     NOTHING,
     check_resume,
@@ -35,7 +36,7 @@ from deepring.experiment.start import (
     resumed_from,
     start_from,
 )
-from deepring.experiment.status import Status, note_failure, write_status
+from deepring.experiment.status import Status, note_failure, read_status, write_status
 from deepring.methods.network import NetworkMethod
 from deepring.training.datamodule import PlaceDataModule
 from deepring.training.module import PlaceModule
@@ -91,9 +92,10 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
     if cfg.resume is not None and resumed is not None:
         check_resume(cfg.resume, resumed, module)
     timer = Timer()
-    further = [timer, LinkLatest(folder)] if latest else [timer]
+    telling = TrainingSigns()
+    further = [timer, telling, LinkLatest(folder)] if latest else [timer, telling]
     trainer = build.trainer(cfg, folder, validation=module.validation, further=further)
-    with _run_of(cfg, folder):
+    with _run_of(cfg, folder) as telling.signs:
         log.info(
             "training %d parameters of %s on %s",
             sum(p.numel() for p in method.parameters() if p.requires_grad),
@@ -110,29 +112,45 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
             loggers.add_results(trainer.loggers, found.results)
         if trainer.is_global_zero:
             seconds = timer.time_elapsed("train")
-            write_status(folder, Status("finished", score=score, seconds=seconds))
+            _finish(folder, telling.signs, score, seconds)
     return TrainingOutcome(folder, checkpoint, *found, score)
 
 
 @contextmanager
-def _run_of(cfg: Config, folder: Path) -> Iterator[None]:
-    """Open the run's folder, and note there how the block ends; in the first process only."""
+def _run_of(cfg: Config, folder: Path) -> Iterator[SignsOfLife | None]:
+    """Open the run's folder, and note there how far the block is and how it ends.
+
+    In the first process only; the others have no signs to give.
+    """
     if not is_first_process():
-        yield
+        yield None
         return
+    before = read_status(folder) if cfg.resume is not None else None
     open_run_folder(record_of(cfg), folder)
-    write_status(folder, Status("running"))
-    with note_failure(folder):
-        yield
+    with (
+        note_failure(folder),
+        signs_of_life(folder, 0.0 if before is None else before.took or 0.0) as signs,
+    ):
+        yield signs
+
+
+def _finish(
+    folder: Path,
+    signs: SignsOfLife | None,
+    score: float | None = None,
+    seconds: float | None = None,
+) -> None:
+    took = None if signs is None else signs.took
+    write_status(folder, Status("finished", score=score, seconds=seconds, took=took))
 
 
 def _evaluate_alone(cfg: Config, folder: Path, *, latest: bool) -> TrainingOutcome:
     """Evaluate a method that learns nothing, in a run folder like any other."""
     plan = plan_evaluation(cfg)
     log.info("%s learns nothing: it is evaluated", next(iter(plan.fixed)))
-    with _run_of(cfg, folder):
+    with _run_of(cfg, folder) as signs:
         found = evaluate(plan, folder)
-        write_status(folder, Status("finished"))
+        _finish(folder, signs)
     if latest:
         link_latest(folder)
     return TrainingOutcome(folder, None, *found, None)
