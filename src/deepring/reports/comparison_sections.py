@@ -25,14 +25,25 @@ _MOST = 10
 
 def leaders(regions: Sequence[RegionResults], what: str) -> Iterator[str]:
     """Which is the best in most tests, and in each how far it is before the next."""
-    wins = Counter(region.ranked()[0].name for region in regions if region.same_seeds)
+    ranked = [region for region in regions if region.same_seeds]
+    wins = Counter(region.ranked()[0].name for region in ranked)
     if wins:
         name, count = wins.most_common(1)[0]
+        won = [region for region in ranked if region.ranked()[0].name == name]
+        sure = sum(_is_sure(region) for region in won)
         tests = f"{count} of {len(regions)} tests" if len(regions) > 1 else regions[0].title
-        yield html.lead(f"{name} has the highest Recall@1 in {tests}.")
+        chance = f", in {sure} of them by more than chance" if len(won) > 1 else ""
+        yield html.lead(f"{name} has the highest Recall@1 in {tests}{chance}.")
     else:
         yield html.lead(f"No {what} is named best: not all have the same seeds.")
     yield html.points(map(_leader, regions))
+
+
+def _is_sure(region: RegionResults) -> bool:
+    """Whether the best is before the next by more than chance."""
+    first, *others = region.ranked()
+    pair = paired_methods(first, others[0], region.radius) if others else None
+    return pair is not None and pair.differs
 
 
 def _leader(region: RegionResults) -> str:
