@@ -103,9 +103,12 @@ COMMANDS = {
     ),
     "report": _Command(
         run_options.add_report,
-        "write a run as one HTML page",
-        "Write a run as one page: results, maps of hits and misses, curves, and the worst failures "
-        "with their scans. The page needs no network and no server.",
+        "write a run or a sweep as one HTML page",
+        "Write a run as one page: what it found, methods side by side with intervals, curves, "
+        "and a map on which one chooses a query and sees its scans and how they were compared. "
+        "Of a sweep or a comparison: the best, curves, paired tests and tables of all finished "
+        "runs. "
+        "The page needs no network and no server.",
     ),
     "export": _Command(
         place_options.add_export,
