@@ -131,29 +131,43 @@ def add_tables(parser: Parser) -> None:
         "--radius", type=number(0, "metres"), default=10.0, metavar="M", help="metres (%(default)g)"
     )
     _add_over(parser)
-    parser.add_argument(
-        "--mix",
-        action="store_true",
-        help="show runs with different data or protocols in the same table",
-    )
+    _add_mix(parser)
     add_output(parser, "FOLDER", "where to write (tables/ in the first PATH)", required=False)
     add_form(parser)
     parser.runs("deepring.cli.tables_command:tables_command")
 
 
 def add_report(parser: Parser) -> None:
-    """``deepring report RUN``."""
-    parser.add_argument("run", type=Path, metavar="RUN", help="folder of an evaluated run")
-    add_output(parser, "FILE", "the new page (RUN/report.html)", required=False)
+    """``deepring report FOLDER``."""
     parser.add_argument(
-        "--failures",
-        type=whole(0),
-        default=6,
-        metavar="N",
-        help="number of failures to draw (%(default)s)",
+        "folder", type=Path, metavar="FOLDER", help="folder of an evaluated run, or of a sweep"
     )
+    add_output(parser, "FILE", "the new page (FOLDER/report.html)", required=False)
+    parser.add_argument(
+        "--pictures",
+        type=whole(0),
+        default=120,
+        metavar="N",
+        help="queries of a run to show with their scans (%(default)s)",
+    )
+    parser.add_argument(
+        "--radius",
+        type=number(0, "metres"),
+        metavar="M",
+        help="metres (a run's first radius; 10 for a sweep)",
+    )
+    parser.add_argument("--over", help="queries that count for the recall: answerable or all")
+    _add_mix(parser)
     add_form(parser, "text")
     parser.runs("deepring.cli.report_command:report_command")
+
+
+def _add_mix(parser: Parser) -> None:
+    parser.add_argument(
+        "--mix",
+        action="store_true",
+        help="show runs with different data or protocols in the same table",
+    )
 
 
 def _add_over(parser: Parser) -> None:
