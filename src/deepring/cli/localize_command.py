@@ -198,6 +198,9 @@ def print_table(rows: Sequence[Row]) -> None:
             _trust(row),
             printable(place),
         )
+    endless = console.options.update(width=1000)
+    if console.measure(table, options=endless).maximum > console.width:
+        table.padding = (0, 1, 0, 0)  # before long names are broken
     console.print(table)
 
 
