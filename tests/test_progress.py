@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 import pytest
+from rich.console import Console
 
 from deepring import progress
 from deepring.progress import ProgressLines, duration_text, progress_bar, rate_text
@@ -172,13 +173,31 @@ def test_a_terminal_gets_a_bar_with_rate_and_time_left_and_whole_lines_above_it(
     drawn, out = on_terminal(ON_TERMINAL)
     assert out == "the result\n"  # nothing of the bar on standard output
     plain = re.sub(r"\x1b\[[?0-9;]*[A-Za-z]", "", drawn)
-    assert re.search(r"reading ━+.* 2/4 .*\d:\d\d:\d\d", plain)
+    assert re.search(r"reading ━+.* 2/4 .*\d s left", plain)
     assert re.search(r"\d(\.\d)?/s", plain)
     lines = [line.strip() for line in re.split(r"[\r\n]+", plain)]
     assert "warning: in between" in lines
     assert "and a line of the log" in lines
     # The bar is gone in the end: its line was erased.
     assert "\x1b[2K" in drawn[-40:]
+
+
+def test_a_long_title_is_cut_and_the_numbers_stay():
+    clock = Clock()
+    bar = progress._bar()
+    bar.get_time = clock
+    title = "DeepRING trained on many streets, tested on others: describing and looking up"
+    task = bar.add_task(title, total=9000)
+    for done in (1800, 1900, 2000):
+        clock.now += 10
+        bar.update(task, completed=done)
+    shown = io.StringIO()
+    Console(file=shown, width=80).print(bar.get_renderable())
+    (line,) = shown.getvalue().splitlines()
+    assert len(line) == 80
+    assert line.startswith("DeepRING trained on")
+    assert "… ━" in line
+    assert line.endswith("2000/9000 10/s 11:40 min left")
 
 
 def test_texts_of_rates_and_durations_change_their_unit():

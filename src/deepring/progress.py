@@ -23,6 +23,24 @@ _FIRST, _BETWEEN = 2.0, (10.0, 30.0, 60.0)
 
 _silent = False
 
+Watcher = Callable[[str, int, int], None]
+"""Called with the title of a work, the number of things done and their total."""
+
+_watchers: list[Watcher] = []
+
+
+@contextmanager
+def watched(watcher: Watcher) -> Iterator[None]:
+    """Within the block, ``watcher`` is told how far each work of this process is, too.
+
+    It is called as often as the bar, and has to be quick.
+    """
+    _watchers.append(watcher)
+    try:
+        yield
+    finally:
+        _watchers.remove(watcher)
+
 
 def silence() -> None:
     """Say nothing in this process, for one that shares its terminal with others."""
@@ -40,15 +58,26 @@ def progress_bar(description: str) -> Iterator[Progress]:
     """
     title = printable(description)
     if _silent:
-        yield _say_nothing
+        yield _told(title, _say_nothing)
     elif draws_bars():
         with _bar() as bar:
             task = bar.add_task(title, total=None)
-            yield lambda done, total: bar.update(task, completed=done, total=total)
+            yield _told(title, lambda done, total: bar.update(task, completed=done, total=total))
     else:
         lines = ProgressLines(title)
-        yield lines
+        yield _told(title, lines)
         lines.end()
+
+
+def _told(title: str, show: Progress) -> Progress:
+    """Show how far it is, and tell the watchers."""
+
+    def both(done: int, total: int) -> None:
+        show(done, total)
+        for watcher in _watchers:
+            watcher(title, done, total)
+
+    return both
 
 
 def draws_bars() -> bool:
@@ -132,10 +161,20 @@ def _say_nothing(done: int, total: int) -> None:
 
 
 def _bar() -> "RichProgress":
-    """A bar of rich, above which lines on standard error are printed whole."""
+    """A bar of rich, above which lines on standard error are printed whole.
+
+    Where the terminal is narrow, the title is cut, and the numbers stay.
+    """
     from rich import progress
     from rich.console import Console
+    from rich.table import Column
     from rich.text import Text
+
+    class Title(progress.ProgressColumn):
+        """The title on one line, as much of it as there is room for."""
+
+        def render(self, task: progress.Task) -> Text:
+            return Text(task.description, no_wrap=True, overflow="ellipsis")
 
     class Rate(progress.ProgressColumn):
         """How many a second, or how long for each."""
@@ -143,12 +182,25 @@ def _bar() -> "RichProgress":
         def render(self, task: progress.Task) -> Text:
             return Text(rate_text(task.speed) if task.speed else "", style="progress.data.speed")
 
+    class Left(progress.ProgressColumn):
+        """The time left, in the words of the lines."""
+
+        max_refresh = 0.5
+
+        def render(self, task: progress.Task) -> Text:
+            left = task.time_remaining
+            text = "" if left is None or task.finished else f"{duration_text(left)} left"
+            return Text(text, style="progress.remaining")
+
+    def whole() -> Column:
+        return Column(no_wrap=True)
+
     columns = (
-        progress.TextColumn("{task.description}", markup=False),
-        progress.BarColumn(bar_width=20),
-        progress.MofNCompleteColumn(),
-        Rate(),
-        progress.TimeRemainingColumn(),
+        Title(),
+        progress.BarColumn(bar_width=20, table_column=whole()),
+        progress.MofNCompleteColumn(table_column=whole()),
+        Rate(table_column=whole()),
+        Left(table_column=whole()),
     )
     # Standard output stays as it is: what a command prints there may go into a file.
     return progress.Progress(

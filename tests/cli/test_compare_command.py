@@ -3,6 +3,7 @@
 from deepring.evaluation.reranked_labels import method_label
 from deepring.evaluation.results import read_results
 from deepring.experiment.sweep_outcomes import SweepOutcomes
+from deepring.experiment.sweep_plan import read_plan
 from helpers.cli import deepring, refused
 
 TINY = (
@@ -50,6 +51,8 @@ def test_tables_come_of_one_command_and_a_second_start_trains_nothing(
     (job,) = sweep.glob("method-deepring_small*")
     places = {(r.case.test, r.case.region) for r in read_results(job / "results.csv")}
     assert places == {("sim_nclt", "test"), ("sim_mulran", "test"), ("sim_mulran", "whole")}
+    planned = {of_plan.folder for of_plan in read_plan(sweep).jobs}
+    assert planned == {path.parent.name for path in sweep.glob("*/status.json")}
     written = {path.name for path in (sweep / "tables").iterdir()}
     assert {"table1.md", "further.tex", "comparison.csv", "pr_curves.png"} <= written
     again = deepring(*learned, cwd=tmp_path)
@@ -82,6 +85,24 @@ def test_every_fixed_method_is_run_but_those_that_need_labels(tiny_custom, tmp_p
     (methods,) = [word for word in sweeps[0] if word.startswith("method=")]
     assert {"ring", "m2dp_signs"} <= set(methods.removeprefix("method=").split(","))
     assert "ssc" not in methods
+
+
+def test_the_jobs_of_both_parts_are_known_from_the_beginning(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        "deepring.cli.compare_command.run_multirun", lambda _: SweepOutcomes([], [])
+    )
+    done = deepring(
+        *("compare", "--learned", "deepring_small", "--fixed", "ring,ring_plus_plus"),
+        *("--train", "sim_nclt", "--test", "sim_nclt", "--seeds", "0,1"),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    plan = read_plan(tmp_path / "outputs" / "sweeps" / "compare_demo")
+    assert [(job.part, job.varied["method"]) for job in plan.jobs] == [
+        *[(0, "ring")] * 2,
+        *[(0, "ring_plus_plus")] * 2,
+        *[(1, "deepring_small")] * 2,
+    ]
 
 
 def test_what_cannot_be_compared_is_said(tmp_path):

@@ -11,6 +11,7 @@ import yaml
 
 from deepring.reports import viewer
 from helpers.cli import deepring, refused
+from helpers.html_pages import row_of
 from helpers.small_maps import GROUND_Z, PLACES, pose, seen_at, small_map
 
 COMMANDS = (
@@ -68,7 +69,7 @@ def test_located_scans_have_a_page_beside_the_table(here, tmp_path):
     page = (tmp_path / "a.html").read_text()
     for row in rows:
         assert f"<td>{row['x']:.2f}</td><td>{row['y']:.2f}</td>" in page
-    assert "<td>refused</td><td>1</td>" in page
+    assert row_of("refused", 1) in page
     assert "Errors beside" not in page
     assert "<b>" not in page
     refused(here("localize", "a.map", "scans/3.npy", "--page", "b.html"), "world coordinates")

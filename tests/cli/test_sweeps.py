@@ -108,6 +108,11 @@ def test_one_failing_job_loses_no_other_and_the_next_start_skips_what_is_done(ti
     assert "1 of 2 jobs finished" in done.stdout
     sweep = tmp_path / "outputs" / "sweeps" / "demo_sweep"
     assert set(rates(sweep)) == {"seed-0"}
+    assert "seed-0: job 2 of 2" in done.stderr
+    assert "1 of 2 jobs done, 0 running, 1 failed" in done.stderr
+    told = deepring("status", sweep, cwd=tmp_path)
+    assert told.returncode == 1
+    assert "failed       seed--1: seed: -1, expected" in told.stdout
     again = deepring(*command, cwd=tmp_path)
     assert "seed-0: finished before: skipped" in again.stderr
     assert "1 of 2 jobs finished" in again.stdout

@@ -4,7 +4,7 @@ import pytest
 from hydra.errors import ConfigCompositionException
 from omegaconf import OmegaConf
 
-from deepring.errors import DeepringError
+from deepring.errors import ConfigError, DeepringError
 from deepring.experiment import build
 from deepring.experiment.config_groups import config_folder
 from deepring.experiment.entries import method_entries
@@ -184,6 +184,20 @@ def test_one_node_is_the_method_and_one_evaluated_besides(composed):
     assert cfg.method == cfg.methods["ring"]
     further = composed("data.root=/nowhere", "+method@methods.plus=ring_plus_plus")
     assert "RING++" in build.fixed_methods(further)
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ["method=ring", "method.correlation=published"],
+        ["+method@methods.plus=ring", "methods.plus.correlation=published"],
+        ["+method@methods.plus=ring_plus_plus", "methods.plus.label=DeepRING"],
+    ],
+)
+def test_two_methods_that_differ_do_not_share_a_label(overrides, composed):
+    cfg = composed("data.root=/nowhere", *overrides)
+    with pytest.raises(ConfigError, match=r"methods\.\w+\.label: '(RING|DeepRING)', the label of"):
+        build.fixed_methods(cfg)
 
 
 def test_of_a_method_that_learns_nothing_no_training_is_recorded(composed):

@@ -6,6 +6,7 @@ import re
 import shutil
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from deepring.errors import DeepringError
@@ -13,6 +14,7 @@ from deepring.evaluation.matches import matches_in
 from deepring.evaluation.results import read_results, write_results
 from deepring.experiment.report import report
 from deepring.experiment.train import train
+from helpers.html_pages import table_rows, well_formed
 from helpers.marking import TARGET, Mark
 
 
@@ -31,41 +33,72 @@ def run(compose_in, tiny_nclt, tmp_path_factory):
     return outputs / "run"
 
 
-def test_the_page_needs_nothing_beside_it(run):
-    text = report(run)
-    assert text.startswith("<!doctype html>")
-    assert "<script" not in text
-    assert set(re.findall(r'src="([^,]*),', text)) == {"data:image/png;base64"}
-    assert not re.findall(r"(?:href|url)\s*[=(]", text)
-    for heading in ("Results, right within 10 m", "The worst failures", "Config"):
-        assert heading in text
-    assert text.count("<tr>") == 1 + 2  # DeepRING and RING
+@pytest.fixture(scope="module")
+def page(run):
+    return report(run, pictures=6)
 
 
-def test_failures_are_the_wrong_answers_of_the_highest_scores(run):
+def test_the_page_needs_nothing_beside_it(page):
+    assert page.startswith("<!doctype html>")
+    assert "<script" not in page
+    assert set(re.findall(r'src="([^,]*),', page)) == {"data:image/png;base64"}
+    addresses = re.findall(r'(?:href|src)="([^",]*)', page)
+    assert {address[:1] for address in addresses} <= {"#", "d"}
+    assert not re.findall(r"https?:|@import|url\(", page)
+    for heading in ("Methods side by side, right within 10 m", "Queries one by one", "Config"):
+        assert heading in page
+    assert len(page) < 5e6
+    well_formed(page)
+
+
+def test_every_result_is_on_the_page_as_its_file_has_it(page, run):
+    for result in (r for r in read_results(run / "results.csv") if r.radius_m == 10):
+        low, high = result.interval("recall_1")
+        shown = f"{result.recall_1:.3f} ({low:.2f}-{high:.2f})".replace("(0.", "(.")
+        shown = shown.replace("-0.", "-.")
+        rows = [row for row in table_rows(page) if row[0] == result.case.method]
+        assert shown in [row[2] for row in rows if len(row) == 3]  # beside its bar
+        assert [shown, f"{result.f1_max:.3f}", f"{result.auc:.3f}", f"{result.ap:.3f}"] in [
+            [row[3], *row[6:9]] for row in rows if len(row) == 11
+        ]
+
+
+def test_a_mark_leads_to_the_query_that_it_stands_for(page, run):
     matches = next(m for m in matches_in(run) if m.case.method == "DeepRING")
-    answerable = matches.nearest <= 10
-    wrong = (matches.distance[:, 0] > 10) & answerable
-    text = report(run, failures=3)
-    assert f"{wrong.sum()} of {answerable.sum()} answerable queries" in text
-    drawn = re.findall(r"<figcaption>Scan (\d+): score ([\d.-]+)", text)
-    assert len(drawn) == min(3, wrong.sum())
-    ordered = sorted(matches.score[wrong, 0], reverse=True)[: len(drawn)]
-    assert [score for _, score in drawn] == [f"{score:.3f}" for score in ordered]
-    assert {int(scan) for scan, _ in drawn} <= set(matches.query[wrong].tolist())
+    links = re.findall(r'<a href="#(query-[^"]*-(\d+))"><title>query (\d+): (\w+)', page)
+    assert len(links) == 6
+    for name, number, titled, kind in links:
+        assert number == titled
+        row = int(np.flatnonzero(matches.query == int(number))[0])
+        (panel,) = re.findall(rf'<section class="[^"]*" id="{name}">(.*?)</section>', page, re.S)
+        assert f"Place {matches.place[row, 0]} was found" in panel
+        assert f"{matches.distance[row, 0]:.1f} m away" in panel
+        right = matches.distance[row, 0] <= 10
+        answerable = matches.nearest[row] <= 10
+        assert kind == ("without" if not answerable else "right" if right else "wrong")
+        used = set(re.findall(r'<use href="#([^"]*)"', panel))
+        assert used >= {name.replace("query-", "q-"), *used}
+        assert all(page.count(f'<image id="{one}"') == 1 for one in used)
+
+
+def test_the_page_is_the_same_every_time(page, run):
+    assert report(run, pictures=6) == page
 
 
 def test_without_the_scans_the_rest_is_shown(run, tiny_nclt, tmp_path):
     copy = tmp_path / "run"
     copy.mkdir()
-    for name in ("results.csv", "checkpoints"):
+    for name in ("results.csv", "checkpoints", "retrievals"):
         (copy / name).symlink_to(run / name)
     config = (run / "config.yaml").read_text().replace(str(tiny_nclt), str(tmp_path / "gone"))
     (copy / "config.yaml").write_text(config)
     text = report(copy)
-    assert "the scans are not available" in text
+    assert "Without maps and scans, since these are not available" in text
+    assert "Precision and recall" in text
     (copy / "checkpoints").unlink()
-    assert "The run holds no checkpoint" in report(copy)
+    assert "the run holds no checkpoint of DeepRING" in report(copy)
+    (copy / "retrievals").unlink()
+    assert "The run holds no retrievals of DeepRING" in report(copy)
 
 
 def test_a_run_of_a_stranger_imports_nothing_and_writes_nothing(run, tmp_path):
@@ -80,8 +113,8 @@ def test_a_run_of_a_stranger_imports_nothing_and_writes_nothing(run, tmp_path):
     (stranger / "config.yaml").write_text(config, encoding="utf-8")
     (tmp_path / "mark").mkdir()
     with Mark(tmp_path / "mark").unmarked():
-        text = report(stranger)
-    assert "<figcaption>Scan" in text  # the failures are drawn all the same
+        text = report(stranger, pictures=2)
+    assert "descriptor of the query" in text  # the pictures are drawn all the same
     assert not cache.exists()
     assert {path.name for path in stranger.iterdir()} == {
         *("results.csv", "checkpoints", "retrievals", "figures", "config.yaml")
@@ -100,7 +133,7 @@ def test_names_are_text_in_the_page(run, tmp_path):
     (tmp_path / "config.yaml").write_text(config + "# \u202e</pre>", encoding="utf-8")
     text = report(tmp_path)
     assert "<script" not in text
-    assert "<img" not in re.sub('<img src="data:image/png;base64,[^"]*" alt="[^"<>]*">', "", text)
+    assert "<img" not in text
     assert text.count("</pre>") == 1
     assert text.replace("\n", "").isprintable()
     assert html.escape(SCRIPT) in text
@@ -122,8 +155,20 @@ def test_pictures_that_are_none_are_not_embedded(run, tmp_path):
 
 
 def test_what_is_no_run_is_refused(tmp_path):
-    with pytest.raises(DeepringError, match=r"no results\.csv"):
+    with pytest.raises(DeepringError, match=rf"{tmp_path}: no run in it"):
         report(tmp_path)
+    with pytest.raises(DeepringError, match="none: no such folder"):
+        report(tmp_path / "none")
+
+
+def test_a_radius_without_results_is_refused_and_another_is_shown(run):
+    with pytest.raises(DeepringError, match="radius: 7 m, expected one of 5, 10, 15, 20, 25"):
+        report(run, radius=7.0)
+    text = report(run, 0, radius=5.0, over="all")
+    result = next(r for r in read_results(run / "results.csv") if r.radius_m == 5)
+    share = result.recall_1 * result.answerable / result.queries
+    assert f"{round(share * result.queries)} of the {result.queries} queries: " in text
+    assert "right within 5 m" in text
 
 
 def test_a_config_of_other_types_is_named(run, tmp_path):

@@ -22,6 +22,7 @@ from deepring.experiment.sweep_outcomes import (
     note_outcome,
     run_sweep,
 )
+from helpers.sweeps import hydra_config
 
 
 class Job:
@@ -56,7 +57,7 @@ def jobs(tmp_path, monkeypatch):
 
 def swept(tmp_path, launch):
     """`run_sweep` of jobs that are launched as Hydra does it: after its callback."""
-    config = SimpleNamespace(hydra=SimpleNamespace(sweep=SimpleNamespace(dir=str(tmp_path))))
+    config = hydra_config(tmp_path, "seed=0,1,2")
 
     def launched():
         OutcomesFolder().on_multirun_start(config)
@@ -66,6 +67,17 @@ def swept(tmp_path, launch):
     assert OUTCOMES not in os.environ
     assert not list(tmp_path.glob(".outcomes*"))
     return outcomes
+
+
+def test_a_process_that_an_earlier_sweep_began_notes_for_this_one(jobs, tmp_path, monkeypatch):
+    def launch():
+        own = os.environ[OUTCOMES]
+        with monkeypatch.context() as elsewhere:  # as in a process of joblib that is used again
+            elsewhere.setenv(OUTCOMES, str(tmp_path / ".outcomes-before"))
+            jobs[0].run(lambda: fail(DataError("no scans")))
+        assert Path(own).is_dir()
+
+    assert swept(tmp_path, launch).failed == [(jobs[0].folder, "no scans")]
 
 
 def fail(error):
@@ -151,10 +163,10 @@ def test_what_a_killed_sweep_left_is_removed_and_a_running_ones_stays(tmp_path, 
     elsewhere = tmp_path / f".outcomes-another-machine-{ended.pid}-c"
     for folder in (left, running, elsewhere):
         folder.mkdir()
-    config = SimpleNamespace(hydra=SimpleNamespace(sweep=SimpleNamespace(dir=str(tmp_path))))
+    config = hydra_config(tmp_path, "seed=0,1,2")
     OutcomesFolder().on_multirun_start(config)
     own = Path(os.environ.pop(OUTCOMES))
-    assert set(tmp_path.iterdir()) == {running, elsewhere, own}
+    assert set(tmp_path.iterdir()) == {running, elsewhere, own, tmp_path / "sweep.json"}
 
 
 def test_a_full_disk_is_told_in_words(jobs, tmp_path):

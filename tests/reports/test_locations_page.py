@@ -12,6 +12,7 @@ from deepring.localization.calibration import LocalizationTrials
 from deepring.reports.located_scan import cells_in_place, located_pose
 from deepring.reports.location_figures import errors_figure
 from deepring.reports.locations_page import locations_page, selection
+from helpers.html_pages import row_of
 from helpers.small_maps import GROUND_Z, PLACES, located, location, pose, small_map
 
 
@@ -30,9 +31,6 @@ def test_the_page_counts_trust_doubts_refusals_and_errors(place_map):
     ]
     page = locations_page("a.map", place_map, scans, ["d.npy: nothing stands out"])
 
-    def row(*cells):
-        return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
-
     for cells in (
         ("scans", 6),
         ("trusted", 3),
@@ -46,7 +44,7 @@ def test_the_page_counts_trust_doubts_refusals_and_errors(place_map):
         ("right.npy", "1.00", "0.00", "0.0", "0.50", "2.00", "yes", "0.50", "0.00", "a.npy"),
         ("faint.npy", "0.00", "0.00", "0.0", "0.10", "2.00", "no: fit", "1.00", "0.00", "a.npy"),
     ):
-        assert row(*cells) in page
+        assert row_of(*cells) in page
     assert "1 of the 4 scans within 20 m of a place are trusted and right" in page
     assert "2 of 3 trusted ones are wrong" in page
     assert "d.npy: nothing stands out" in page
@@ -60,7 +58,7 @@ def test_refined_poses_have_errors_of_their_own(place_map):
     refined = replace(scan, refined=pose(1.0, 0.5, -3.1, z=4.0))
     page = locations_page("a.map", place_map, [scan, refined])
     cells = ("refined", 1, 1, *["0.10 m"] * 3, "4.77°")  # across the half turn
-    assert "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>" in page
+    assert row_of(*cells) in page
     doubtful = located(place_map, "d", location(doubt="few cells"))
     assert "<td>cannot tell: few cells</td>" in locations_page("a.map", place_map, [doubtful])
 

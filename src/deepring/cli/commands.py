@@ -25,8 +25,8 @@ COMMANDS = {
         run_options.add_train,
         "train a method and evaluate it, or run a sweep (-m)",
         "Train a method and evaluate it. resume=CHECKPOINT goes on in that run's folder,\n"
-        "start_from=CHECKPOINT begins a run with the weights of an earlier stage; -m runs a\n"
-        "sweep, one job after the other, or as hydra/launcher= says.",
+        "start_from=CHECKPOINT begins a run with the weights of an earlier stage, stages=[A,B]\n"
+        "trains several; -m runs a sweep, one job after the other, or as hydra/launcher= says.",
         HydraParser,
         partial(run_options.config_help, "train"),
     ),
@@ -47,6 +47,13 @@ COMMANDS = {
             "Lists are separated by commas, without spaces. KEY=VALUE are further Hydra overrides, "
             "such as hydra/launcher=joblib or test_data.kitti.root=FOLDER."
         ),
+    ),
+    "status": _Command(
+        run_options.add_status,
+        "say how far a sweep is",
+        "Say which jobs of a sweep are done, running, failed or waiting, and about how long it "
+        "still takes, while it runs or afterwards. Exits with 1 if a job failed, was killed, or "
+        "gives no sign of life.",
     ),
     "score": _Command(
         run_options.add_score,
@@ -96,9 +103,12 @@ COMMANDS = {
     ),
     "report": _Command(
         run_options.add_report,
-        "write a run as one HTML page",
-        "Write a run as one page: results, maps of hits and misses, curves, and the worst failures "
-        "with their scans. The page needs no network and no server.",
+        "write a run or a sweep as one HTML page",
+        "Write a run as one page: what it found, methods side by side with intervals, curves, "
+        "and a map on which one chooses a query and sees its scans and how they were compared. "
+        "Of a sweep or a comparison: the best, curves, paired tests and tables of all finished "
+        "runs. "
+        "The page needs no network and no server.",
     ),
     "export": _Command(
         place_options.add_export,

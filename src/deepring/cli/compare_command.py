@@ -11,7 +11,13 @@ from deepring.cli.main import parse
 from deepring.cli.named_methods import ALL
 from deepring.cli.overrides import checked, choices_of
 from deepring.cli.tables_command import make_tables
-from deepring.cli.train_commands import report_sweep, run_multirun, say_failed, sweep_content
+from deepring.cli.train_commands import (
+    report_sweep,
+    run_multirun,
+    say_failed,
+    sweep_content,
+    sweep_overrides,
+)
 from deepring.errors import ConfigError
 from deepring.experiment.compose import composed
 from deepring.experiment.config import Config
@@ -19,6 +25,7 @@ from deepring.experiment.config_groups import config_folder
 from deepring.experiment.dataset_columns import lacking_columns
 from deepring.experiment.entries import method_entries
 from deepring.experiment.every_method import Kind, every_method
+from deepring.experiment.planned_jobs import plan_together
 from deepring.experiment.sweep_names import swept
 from deepring.experiment.sweep_outcomes import SweepOutcomes
 
@@ -30,9 +37,12 @@ def compare_command(args: argparse.Namespace) -> None:
     """Run both sweeps and print their tables; finished runs are skipped."""
     if args.learned == args.fixed == "":
         raise ConfigError("--learned, --fixed: both empty, expected at least one method; name one")
+    parts = [[f"sweep={kind}", *own, *args.overrides] for kind, own in _sweeps(args)]
+    if len(parts) > 1:  # so that `deepring status` knows the jobs of both from the beginning
+        plan_together([sweep_overrides(["-m", *part])[1:] for part in parts])
     sweeps: list[SweepOutcomes] = []
-    for kind, overrides in list(_sweeps(args)):
-        sweeps.append(run_multirun(["-m", f"sweep={kind}", *overrides, *args.overrides]))
+    for part in parts:
+        sweeps.append(run_multirun(["-m", *part]))
         if args.form != "json":
             report_sweep(sweeps[-1])
         else:

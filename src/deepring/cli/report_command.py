@@ -1,19 +1,23 @@
-"""`deepring report`: a run as one HTML page."""
+"""`deepring report`: a run, a sweep or a comparison as one HTML page."""
 
 import argparse
 
+from deepring.checks import one_of
 from deepring.cli.console import console
 from deepring.cli.json_output import show_written
 from deepring.cli.options import expect_new, expect_writable
+from deepring.evaluation.metrics import Over
 from deepring.experiment.report import report
 from deepring.io.files import write_whole
 
 
 def report_command(args: argparse.Namespace) -> None:
-    """Write the page, by default to RUN/report.html, which is replaced."""
+    """Write the page, by default to FOLDER/report.html, which is replaced."""
     if args.output is not None:
         expect_new(args.output)
-    path = args.output or args.run / "report.html"
+    path = args.output or args.folder / "report.html"
     expect_writable(path)
-    write_whole(path, [report(args.run, args.failures).encode("utf-8", "backslashreplace")])
+    over = None if args.over is None else one_of("over", args.over, Over)
+    page = report(args.folder, args.pictures, args.radius, over, mix=args.mix, beside=path.parent)
+    write_whole(path, [page.encode("utf-8", "backslashreplace")])
     show_written(args, [path], lambda: console.print(f"written      {path}"))

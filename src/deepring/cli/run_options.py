@@ -1,4 +1,4 @@
-"""Options of the commands about runs: train, evaluate, compare, score, tables and report."""
+"""Options of the commands about runs, from train to report."""
 
 import argparse
 from pathlib import Path
@@ -83,6 +83,19 @@ def add_compare(parser: Parser) -> None:
     parser.runs("deepring.cli.compare_command:compare_command")
 
 
+def add_status(parser: Parser) -> None:
+    """``deepring status PATH...``."""
+    parser.add_argument(
+        "paths",
+        type=Path,
+        nargs="+",
+        metavar="PATH",
+        help="folder of a sweep, of several, or of a run",
+    )
+    add_form(parser)
+    parser.runs("deepring.cli.status_command:status_command")
+
+
 def add_score(parser: Parser) -> None:
     """``deepring score FOLDER``."""
     parser.add_argument(
@@ -118,29 +131,43 @@ def add_tables(parser: Parser) -> None:
         "--radius", type=number(0, "metres"), default=10.0, metavar="M", help="metres (%(default)g)"
     )
     _add_over(parser)
-    parser.add_argument(
-        "--mix",
-        action="store_true",
-        help="show runs with different data or protocols in the same table",
-    )
+    _add_mix(parser)
     add_output(parser, "FOLDER", "where to write (tables/ in the first PATH)", required=False)
     add_form(parser)
     parser.runs("deepring.cli.tables_command:tables_command")
 
 
 def add_report(parser: Parser) -> None:
-    """``deepring report RUN``."""
-    parser.add_argument("run", type=Path, metavar="RUN", help="folder of an evaluated run")
-    add_output(parser, "FILE", "the new page (RUN/report.html)", required=False)
+    """``deepring report FOLDER``."""
     parser.add_argument(
-        "--failures",
-        type=whole(0),
-        default=6,
-        metavar="N",
-        help="number of failures to draw (%(default)s)",
+        "folder", type=Path, metavar="FOLDER", help="folder of an evaluated run, or of a sweep"
     )
+    add_output(parser, "FILE", "the new page (FOLDER/report.html)", required=False)
+    parser.add_argument(
+        "--pictures",
+        type=whole(0),
+        default=120,
+        metavar="N",
+        help="queries of a run to show with their scans (%(default)s)",
+    )
+    parser.add_argument(
+        "--radius",
+        type=number(0, "metres"),
+        metavar="M",
+        help="metres (a run's first radius; 10 for a sweep)",
+    )
+    parser.add_argument("--over", help="queries that count for the recall: answerable or all")
+    _add_mix(parser)
     add_form(parser, "text")
     parser.runs("deepring.cli.report_command:report_command")
+
+
+def _add_mix(parser: Parser) -> None:
+    parser.add_argument(
+        "--mix",
+        action="store_true",
+        help="show runs with different data or protocols in the same table",
+    )
 
 
 def _add_over(parser: Parser) -> None:

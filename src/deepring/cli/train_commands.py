@@ -7,7 +7,6 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,10 +26,13 @@ from deepring.cli.results_content import results_content
 from deepring.errors import ConfigError
 from deepring.evaluation.pose_errors import PoseErrors
 from deepring.evaluation.results import Result
-from deepring.experiment.compose import in_our_words
-from deepring.experiment.config import EvaluationSettings, check_config
+from deepring.experiment.compose import check_training, in_our_words
+from deepring.experiment.config import Config, EvaluationSettings, check_config
 from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.run_folder import is_first_process, link_latest, open_run_folder
+from deepring.experiment.stages import run_of
+from deepring.experiment.status import is_finished
+from deepring.experiment.sweep_lines import job_begins, job_ended
 from deepring.experiment.sweep_names import naming
 from deepring.experiment.sweep_outcomes import (
     SweepOutcomes,
@@ -42,6 +44,8 @@ from deepring.progress import silence
 from deepring.reports.pose_errors_table import render_poses
 from deepring.reports.results_table import render, render_radii
 from deepring.text import printable
+
+log = logging.getLogger(__name__)
 
 #: Config keys of the library's arguments, by name.
 _KEYS = {
@@ -87,8 +91,7 @@ def _for_form(args: argparse.Namespace) -> list[str]:
 
 def run_multirun(arguments: Sequence[str]) -> SweepOutcomes:
     """Run the jobs of ``deepring train -m``; on Ctrl-C print their outcomes, and exit."""
-    overrides = checked(arguments)
-    overrides += naming(overrides, config_folder())
+    overrides = sweep_overrides(arguments)
     outcomes = run_sweep(lambda: _run_hydra("train", _sweep_job, overrides))
     if outcomes.interrupted:
         done, left = len(outcomes.finished), len(outcomes.failed)
@@ -97,6 +100,12 @@ def run_multirun(arguments: Sequence[str]) -> SweepOutcomes:
         print("interrupted; the same command goes on with what is left", file=sys.stderr)
         sys.exit(INTERRUPTED)
     return outcomes
+
+
+def sweep_overrides(arguments: Sequence[str]) -> list[str]:
+    """The checked arguments of a sweep, and how its folders are named."""
+    overrides = checked(arguments)
+    return [*overrides, *naming(overrides, config_folder())]
 
 
 def report_sweep(outcomes: SweepOutcomes) -> None:
@@ -138,13 +147,6 @@ def sweep_content(sweeps: Sequence[SweepOutcomes]) -> dict[str, Any]:
     }
 
 
-def run_of(checkpoint: Path) -> Path | None:
-    """The run folder that a checkpoint lies in, or None."""
-    folder = checkpoint.parent.parent
-    inside = checkpoint.is_file() and (folder / "config.yaml").is_file()
-    return folder.resolve() if inside else None
-
-
 def _run_hydra(
     name: str, task: Callable[[DictConfig], float | None], arguments: Sequence[str]
 ) -> None:
@@ -163,20 +165,24 @@ def _sweep_job(composed: DictConfig) -> float:
     open_streams()  # it may be the first thing that a process of the launcher does
     tune_process()
     _keep_log_short()
-    _name_in_log(Path(HydraConfig.get().runtime.output_dir).name)
-    score = None
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    _name_in_log(folder.name)
+    score, skipped = None, False
     with note_outcome(is_mistake):
-        cfg = check_config(composed)
+        if not (skipped := is_finished(folder)):
+            log.info("%s", job_begins(folder))
+        cfg = _checked_training(composed)
         if in_parallel():
             silence()
-            cfg = replace(cfg, callbacks={**cfg.callbacks, "progress": None})
         score = run_job(cfg, run_folder(cfg.paths.run))
+    if not skipped:
+        log.info("%s", job_ended(folder))
     return math.nan if score is None else score
 
 
 @report_mistakes(_KEYS)
 def _train(composed: DictConfig, args: argparse.Namespace) -> None:
-    cfg = check_config(composed)
+    cfg = _checked_training(composed)
     from deepring.experiment.train import train
 
     _keep_log_short()
@@ -219,6 +225,11 @@ def _evaluate(composed: DictConfig, args: argparse.Namespace) -> None:
 
     content = partial(run_content, folder, plan.evaluation, found.results, checkpoint)
     print_as(args, "results", content, text)
+
+
+def _checked_training(composed: DictConfig) -> Config:
+    """The checked config of the running job, with its stages."""
+    return check_training(composed, HydraConfig.get().overrides.task)
 
 
 def _keep_log_short() -> None:

@@ -98,6 +98,11 @@ def method(node: Mapping[str, Any] | None, key: str = "method") -> Method:
     return cast("Method", cls(**raster, **arguments))
 
 
+def network(node: Mapping[str, Any] | None, key: str = "method") -> NetworkMethod:
+    """The network of a node, with random weights. Raises ConfigError as `method` does."""
+    return cast("NetworkMethod", of_type(key, method(node, key), NetworkMethod))
+
+
 def network_settings(node: Mapping[str, Any], key: str = "method") -> PlainSettings:
     """The settings of a node's network. Raises ConfigError as `method` does."""
     values = {name: value for name, value in node.items() if name not in NOT_SETTINGS}
@@ -120,12 +125,26 @@ def _raster(values: Any, key: str) -> Raster:
 
 
 def fixed_methods(cfg: Config) -> dict[str, Method]:
-    """The configured methods that learn nothing, by label: ``method`` and ``methods``."""
+    """The configured methods that learn nothing, by label: ``method`` and ``methods``.
+
+    Raises ConfigError where two methods that differ have one label: a table could hold only one.
+    """
     nodes = {f"methods.{name}": node for name, node in cfg.methods.items() if node is not None}
-    if cfg.method is not None and not learns(cfg.method):
+    if cfg.method is not None:
         nodes = {"method": cfg.method, **nodes}
-    made = {key: method(node, key) for key, node in nodes.items()}
-    return {nodes[key].get("label", key.rpartition(".")[2]): each for key, each in made.items()}
+    first: dict[str, str] = {}
+    for key, node in nodes.items():
+        label = node.get("label", key.rpartition(".")[2])
+        if learns(node):
+            label = class_of(node, key).settings_class.label
+        other = first.setdefault(label, key)
+        if node != nodes[other]:
+            raise ConfigError(
+                f"{key}.label: {label!r}, the label of {other} too, whose settings differ; give it "
+                f"a label of its own, {key}.label=NAME, or leave it out, {key}=null"
+            )
+    fixed = {label: key for label, key in first.items() if not learns(nodes[key])}
+    return {label: method(nodes[key], key) for label, key in fixed.items()}
 
 
 def raster_cache(cfg: Config) -> RasterCache:
@@ -220,8 +239,7 @@ def trainer(
     validation sets, the weights of the last epoch are kept.
     """
     check_trainer(cfg.trainer)
-    nodes = _callback_nodes(cfg)
-    _check_monitors(nodes, validation)
+    nodes = check_callbacks(cfg, validation)
     if not validation:
         log.warning("no validation split: the weights of the last epoch are kept")
         for node in nodes.values():
@@ -239,6 +257,16 @@ def trainer(
         # Each process draws its own batches; see BatchOrder.
         use_distributed_sampler=False,
     )
+
+
+def check_callbacks(cfg: Config, validation: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """The nodes of the callbacks, by name.
+
+    Raises ConfigError for one that is no node, or waits for what is not logged.
+    """
+    nodes = _callback_nodes(cfg)
+    _check_monitors(nodes, validation)
+    return nodes
 
 
 def _callback_nodes(cfg: Config) -> dict[str, dict[str, Any]]:

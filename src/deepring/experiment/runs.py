@@ -97,10 +97,14 @@ def _unusable(folder: Path, status: Status) -> str | None:
     if status.state == "interrupted":
         return "unfinished: interrupted"
     if status.state != "finished":
-        return "unfinished: still running, or killed"
+        return f"unfinished: {_UNFINISHED[status.worker.lives if status.worker else None]}"
     if not (folder / "results.csv").is_file():
         return "not evaluated (evaluate=false): no results.csv"
     return None
+
+
+#: What is said of a run that has not noted its end, by whether its process lives.
+_UNFINISHED = {True: "still running", False: "killed", None: "still running, or killed"}
 
 
 def _commits(folder: Path) -> list[str]:

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -11,6 +11,7 @@ from filelock import FileLock, Timeout
 
 from deepring import checks
 from deepring.errors import DataError, DeepringError, FileError, StoppedError
+from deepring.experiment.workers import Worker, worker_of
 from deepring.io.files import replacing, text_of
 from deepring.io.strict_json import read_json
 from deepring.text import shown
@@ -20,7 +21,7 @@ State = Literal["running", "finished", "failed", "interrupted"]
 
 @dataclass(frozen=True)
 class Status:
-    """The state of a run. A run that was killed is still 'running'."""
+    """The state of a run. A run that was killed is still 'running', by a worker that is gone."""
 
     state: State
     error: str | None = None
@@ -29,6 +30,16 @@ class Status:
     """Validation Recall@1 of the best checkpoint; None without validation."""
     seconds: float | None = None
     """Training time; None without training."""
+    took: float | None = None
+    """Seconds of work until this was written, those before a resumption included."""
+    stage: str | None = None
+    """What a running one does."""
+    share: float | None = None
+    """How much of the training is done, in [0, 1]; None outside it."""
+    seen: float | None = None
+    """When this was written, in seconds since 1970."""
+    worker: Worker | None = None
+    """The process that works on it, or worked on it last."""
 
 
 def read_status(folder: Path) -> Status | None:
@@ -38,26 +49,34 @@ def read_status(folder: Path) -> Status | None:
     """
     path = folder / "status.json"
     try:
-        return _checked(Status(**read_json(path.read_text(encoding="utf-8"))))
+        values = read_json(path.read_text(encoding="utf-8"))
+        return _checked(Status(**values | {"worker": worker_of(values.get("worker"))}))
     except FileNotFoundError:
         return None
     except DeepringError as error:
         reason = str(error)
     except OSError as error:
         reason = f"cannot be read ({error.strerror})"
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, AttributeError):
         reason = "does not hold a status as JSON"
     raise FileError(
         f"{path}: {reason}; expected the status of a run; delete the file to run it again"
     )
 
 
+def is_finished(folder: Path) -> bool:
+    """Whether the run of a folder has finished. Raises FileError as `read_status` does."""
+    status = read_status(folder)
+    return status is not None and status.state == "finished"
+
+
 def _checked(status: Status) -> Status:
     checks.one_of("state", status.state, State)
-    numbers = {"score": status.score, "seconds": status.seconds}
-    if not isinstance(status.error, str | None):
-        raise DataError(f"error: {shown(status.error)}, expected text")
-    for name, value in numbers.items():
+    for name in ("error", "stage"):
+        if not isinstance(value := getattr(status, name), str | None):
+            raise DataError(f"{name}: {shown(value)}, expected text")
+    for name in ("score", "seconds", "took", "share", "seen"):
+        value = getattr(status, name)
         if value is not None and not checks.is_number(value):
             raise DataError(f"{name}: {shown(value)}, expected a number")
     return status
@@ -71,7 +90,10 @@ def write_status(folder: Path, status: Status) -> None:
 
 @contextmanager
 def note_failure(folder: Path) -> Iterator[None]:
-    """Write how the block ended to the run folder if it raises: failed and why, or interrupted."""
+    """Write how the block ended to the run folder if it raises: failed and why, or interrupted.
+
+    How long was worked on it, by the last note, stays.
+    """
     try:
         yield
     except (KeyboardInterrupt, StoppedError):
@@ -84,7 +106,8 @@ def note_failure(folder: Path) -> Iterator[None]:
 
 def _note(folder: Path, status: Status) -> None:
     with suppress(FileError):  # the error that ended the run is the one to tell
-        write_status(folder, status)
+        before = read_status(folder)
+        write_status(folder, replace(status, took=None if before is None else before.took))
 
 
 def reason(error: Exception) -> str:

@@ -1,33 +1,44 @@
 """Outcomes of a sweep's jobs; a job whose process was killed is launched again."""
 
 import glob
-import json
 import logging
 import os
 import platform
 import shutil
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
-from deepring.errors import DataError, StoppedError
+from deepring.errors import DataError, FileError, StoppedError
+from deepring.experiment.planned_jobs import planned
 from deepring.experiment.status import reason
-from deepring.io.files import replacing
+from deepring.experiment.sweep_lines import begun_line
+from deepring.experiment.sweep_notes import (
+    INTERRUPTED,
+    KILLED,
+    Note,
+    notes_in,
+    read_note,
+    write_note,
+)
+from deepring.experiment.sweep_plan import begin_plan, end_plan, read_plan
+from deepring.experiment.workers import Worker
 
 log = logging.getLogger(__name__)
 
-#: The environment variable that tells each job, in whichever process, where to note its outcome.
+#: The environment variable that tells the jobs of this process, and of those that it starts, where
+#: to note their outcomes.
 OUTCOMES = "DEEPRING_SWEEP_OUTCOMES"
-
-#: The outcome of a job until it ends.
-KILLED = "its process was killed, perhaps for lack of memory"
 
 #: How the folders of outcomes begin; machine and process of the sweep follow.
 _PREFIX = ".outcomes-"
@@ -42,17 +53,27 @@ class OutcomesFolder(Callback):
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
         """Runs in the process that starts the jobs; they inherit its environment.
 
-        A folder that cannot be made is told by the first job, since Hydra would turn an error here
-        into a warning.
+        A folder or file that cannot be made is told by the first job, since Hydra would turn an
+        error here into a warning.
         """
         if OUTCOMES in os.environ:  # it is started again, after a process was killed
             return
         sweep = Path(config.hydra.sweep.dir).resolve()
-        with suppress(OSError):
+        with suppress(OSError, FileError):
             sweep.mkdir(parents=True, exist_ok=True)
             _remove_left(sweep)
             prefix = f"{_PREFIX}{platform.node()}-{os.getpid()}-"
             os.environ[OUTCOMES] = tempfile.mkdtemp(prefix=prefix, dir=sweep)
+            self._begin(sweep, config)
+
+    def _begin(self, sweep: Path, config: DictConfig) -> None:
+        """Write which jobs are to be done, and say how to look at them."""
+        try:
+            plan = planned(config)
+        except HydraException:  # Hydra will say what is wrong
+            return
+        plan = begin_plan(sweep, replace(plan, outcomes=Path(os.environ[OUTCOMES]).name))
+        log.info("%s", begun_line(sweep, plan))
 
 
 def _remove_left(sweep: Path) -> None:
@@ -98,7 +119,11 @@ def run_sweep(launch: Callable[[], None]) -> SweepOutcomes:
     except KeyboardInterrupt:
         return _outcomes()._replace(interrupted=True)
     finally:
-        shutil.rmtree(os.environ.pop(OUTCOMES, ""), ignore_errors=True)
+        if folder := os.environ.pop(OUTCOMES, ""):
+            with suppress(FileError):
+                errors = {note.folder.name: note.error for note in notes_in(Path(folder))}
+                end_plan(Path(folder).parent, errors)
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _launch_again(launch: Callable[[], None]) -> None:
@@ -107,17 +132,17 @@ def _launch_again(launch: Callable[[], None]) -> None:
         try:
             return launch()
         except BrokenProcessPool:
-            killed = [note for note in _notes() if note["error"] == KILLED]
-            if all(note["attempts"] >= ATTEMPTS for note in killed):
+            killed = [note for note in _notes() if note.error == KILLED]
+            if all(note.attempts >= ATTEMPTS for note in killed):
                 return None
             log.warning("a job's process was killed; launching what is left again")
 
 
 def _outcomes() -> SweepOutcomes:
-    outcomes = [(Path(note["folder"]), note["error"]) for note in _notes()]
+    notes = _notes()
     return SweepOutcomes(
-        [folder for folder, error in outcomes if error is None],
-        [(folder, error) for folder, error in outcomes if error is not None],
+        [note.folder for note in notes if note.error is None],
+        [(note.folder, note.error) for note in notes if note.error is not None],
     )
 
 
@@ -133,36 +158,43 @@ def note_outcome(is_mistake: Callable[[Exception], bool]) -> Iterator[None]:
     """
     hydra = HydraConfig.get()
     folder = Path(hydra.runtime.output_dir)
-    path = Path(os.environ.get(OUTCOMES, folder.parent)) / f"{hydra.job.num:04d}.json"
-    attempts = json.loads(path.read_text(encoding="utf-8"))["attempts"] if path.is_file() else 0
-    note = {"folder": str(folder), "error": KILLED, "attempts": attempts + 1}
+    path = _outcomes_folder(folder.parent) / f"{hydra.job.num:04d}.json"
+    attempts = read_note(path).attempts if path.is_file() else 0
+    note = Note(folder, KILLED, attempts + 1, Worker.here(), time.time())
     try:
         if attempts >= ATTEMPTS:
             raise DataError(f"{KILLED}, {ATTEMPTS} times; try fewer hydra.launcher.n_jobs")
-        _write(path, note)
+        write_note(path, note)
         yield
     except StoppedError as error:
-        note["error"] = "interrupted"
+        note = replace(note, error=INTERRUPTED)
         raise KeyboardInterrupt from error  # ends the sweep, where an error would not
     except Exception as error:
-        note["error"] = reason(error)
-        log.error("failed: %s", note["error"], exc_info=not is_mistake(error))
+        note = replace(note, error=reason(error))
+        log.error("failed: %s", note.error, exc_info=not is_mistake(error))
     else:
-        note["error"] = None
+        note = replace(note, error=None)
     finally:
-        _write(path, note)
+        write_note(path, note)
 
 
-def _write(path: Path, note: dict[str, Any]) -> None:
-    with replacing(path) as temporary:
-        temporary.write_text(json.dumps(note), encoding="utf-8")
+def _outcomes_folder(sweep: Path) -> Path:
+    """Where the jobs of this sweep note their outcomes.
+
+    A launcher's process may have begun with an earlier sweep of the same command, whose folder is
+    gone: then the sweep's plan tells.
+    """
+    of_process = os.environ.get(OUTCOMES, "")
+    if Path(of_process).is_dir() and Path(of_process).parent == sweep:
+        return Path(of_process)
+    plan = read_plan(sweep)
+    return sweep if plan is None or plan.outcomes is None else sweep / plan.outcomes
 
 
-def _notes() -> list[dict[str, Any]]:
+def _notes() -> list[Note]:
     """The notes of this sweep's jobs, in their order."""
     folder = os.environ.get(OUTCOMES)
-    paths = [] if folder is None else sorted(Path(folder).glob("*.json"))
-    return [json.loads(path.read_text(encoding="utf-8")) for path in paths]
+    return [] if folder is None else notes_in(Path(folder))
 
 
 def in_parallel() -> bool:

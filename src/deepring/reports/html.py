@@ -1,47 +1,22 @@
 """Self-contained HTML pages, without network, server or scripts."""
 
 import base64
-import html
 from collections.abc import Iterable, Sequence
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from deepring.errors import FileError
+from deepring.reports.escaping import escaped
 from deepring.reports.style import png
-from deepring.text import printable, printable_lines
+from deepring.reports.table import Cell, Table, printable_table
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 #: Pixels of a page to an inch of a figure, and pixels of its file to one of the page.
 _SCALE, _SHARPNESS = 110, 1.6
-
-_STYLE = """
-:root { color-scheme: light dark; --paper: #fff; --ink: #262626; --soft: #595959; --line: #d9d9d9;
-  --block: #f6f6f6; }
-@media (prefers-color-scheme: dark) { :root { --paper: #17191d; --ink: #e6e6e6; --soft: #a9adb3;
-  --line: #3b3f46; --block: #23262c; } }
-body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper);
-  margin: 2rem auto; max-width: 70rem; padding: 0 1rem; }
-h1, h2 { font-weight: 600; line-height: 1.2; overflow-wrap: anywhere; } h2 { margin-top: 2.5rem; }
-p, li { overflow-wrap: anywhere; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; display: block;
-  max-width: 100%; overflow-x: auto; }
-th, td { padding: .25rem .75rem; text-align: right; border-bottom: 1px solid var(--line); }
-th { white-space: nowrap; vertical-align: bottom; }
-th:first-child, td:first-child { text-align: left; }
-td:nth-child(n+3) { white-space: nowrap; }
-.long { max-height: 32rem; overflow: auto; } .long td { white-space: nowrap; }
-.long table { max-width: none; overflow: visible; }
-figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; background: #fff;
-  border-radius: .4rem; }
-.row { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(15rem, 100%), 1fr));
-  gap: 0 1.5rem; }
-.wide.row { grid-template-columns: repeat(auto-fit, minmax(min(28rem, 100%), 1fr)); }
-.row figure { margin: .75rem 0; }
-figcaption { color: var(--soft); overflow-wrap: anywhere; }
-pre { overflow-x: auto; background: var(--block); padding: 1rem; }
-""".strip()
 
 
 def page(title: str, parts: Iterable[str]) -> str:
@@ -50,36 +25,100 @@ def page(title: str, parts: Iterable[str]) -> str:
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{_text(title)}</title>\n<style>\n{_STYLE}\n</style>\n</head>\n<body>\n"
-        f"<h1>{_text(title)}</h1>\n{body}\n</body>\n</html>\n"
+        f"<title>{escaped(title)}</title>\n<style>\n{_style()}\n</style>\n</head>\n<body>\n"
+        f"<h1>{escaped(title)}</h1>\n{body}\n</body>\n</html>\n"
     )
 
 
-def _text(text: str) -> str:
-    """Plain text as HTML, in an element or between the quotes of an attribute.
-
-    What does not print is escaped first, so that no mark of direction turns the text around.
-    """
-    return html.escape(printable(text))
+@cache
+def _style() -> str:
+    """How the elements of pages look."""
+    return (files("deepring.reports") / "page.css").read_text(encoding="utf-8").strip()
 
 
 def heading(text: str) -> str:
     """A section heading."""
-    return f"<h2>{_text(text)}</h2>"
+    return f"<h2>{escaped(text)}</h2>"
+
+
+def subheading(text: str) -> str:
+    """A heading within a section."""
+    return f"<h3>{escaped(text)}</h3>"
+
+
+def lead(text: str) -> str:
+    """What the page says first."""
+    return f'<p class="lead">{escaped(text)}</p>'
+
+
+def cards(numbers: Iterable[tuple[str, str]]) -> str:
+    """Numbers beside each other, each with what it is."""
+    items = "".join(
+        f"<li><b>{escaped(number)}</b><span>{escaped(words)}</span></li>"
+        for number, words in numbers
+    )
+    return f'<ul class="cards">{items}</ul>'
+
+
+def soft(text: str) -> str:
+    """A paragraph of less weight."""
+    return f'<p class="soft">{escaped(text)}</p>'
+
+
+def details(summary: str, parts: Iterable[str]) -> str:
+    """Parts that are shown when they are asked for."""
+    inside = "\n".join(parts)
+    return f"<details><summary>{escaped(summary)}</summary>\n{inside}\n</details>"
 
 
 def paragraph(text: str) -> str:
     """A paragraph of plain text."""
-    return f"<p>{_text(text)}</p>"
+    return f"<p>{escaped(text)}</p>"
+
+
+def link(text: str, to: str | None) -> str:
+    """A link to a file beside the page, quoted already; the text alone where there is none."""
+    return escaped(text) if to is None else f'<a href="{escaped(to)}">{escaped(text)}</a>'
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table of plain text."""
-    cells = "".join(f"<th>{_text(name)}</th>" for name in head)
-    lines = [
-        "<tr>" + "".join(f"<td>{_text(value)}</td>" for value in row) + "</tr>" for row in rows
-    ]
-    return f"<table>\n<tr>{cells}</tr>\n" + "\n".join(lines) + "\n</table>"
+    return table_of_html(head, ([*map(escaped, row)] for row in rows))
+
+
+def table_of_html(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table whose cells are HTML already."""
+    cells = "".join(f'<th scope="col">{escaped(name)}</th>' for name in head)
+    lines = "\n".join(
+        f'<tr><th scope="row">{first}</th>{"".join(f"<td>{value}</td>" for value in rest)}</tr>'
+        for first, *rest in rows
+    )
+    header = f"<thead><tr>{cells}</tr></thead>\n" if any(head) else ""
+    return f'<div class="scroll"><table>\n{header}<tbody>\n{lines}\n</tbody></table></div>'
+
+
+def shown_table(table: Table) -> str:
+    """A table as documents have it: the best in bold, rules between groups, notes below."""
+    table = printable_table(table)
+    cells = "".join(f'<th scope="col">{escaped(name)}</th>' for name in table.headers)
+    lines = []
+    for number, row in enumerate(table.rows):
+        rule = ' class="rule"' if number in table.breaks else ""
+        words = "".join(_cell(*each, table.names) for each in enumerate(row))
+        lines.append(f"<tr{rule}>{words}</tr>")
+    notes = "".join(f"<li>{escaped(note)}</li>" for note in table.notes)
+    below = f'\n<ul class="soft notes">{notes}</ul>' if notes else ""
+    return (
+        f'<div class="scroll"><table><caption>{escaped(table.title)}</caption>\n<thead><tr>{cells}'
+        "</tr></thead>\n<tbody>\n" + "\n".join(lines) + f"\n</tbody></table></div>{below}"
+    )
+
+
+def _cell(column: int, cell: Cell, names: int) -> str:
+    words = f"<b>{escaped(cell.text)}</b>" if cell.bold else escaped(cell.text)
+    if column == 0:
+        return f'<th scope="row">{words}</th>'
+    return f'<td class="text">{words}</td>' if column < names else f"<td>{words}</td>"
 
 
 def long_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -89,10 +128,15 @@ def long_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def bullets(lines: Sequence[str], most: int | None = None) -> str:
     """A list of lines of plain text; of more than ``most`` it says how many there are besides."""
-    listed = "\n".join(f"<li>{_text(line)}</li>" for line in lines[:most])
+    listed = "\n".join(f"<li>{escaped(line)}</li>" for line in lines[:most])
     rest = 0 if most is None else len(lines) - most
     more = f"\n{paragraph(f'And {rest} more.')}" if rest > 0 else ""
     return f'<ul class="long">\n{listed}\n</ul>{more}'
+
+
+def points(lines: Iterable[str]) -> str:
+    """A short list of lines of plain text, all of it shown."""
+    return "<ul>\n" + "\n".join(f"<li>{escaped(line)}</li>" for line in lines) + "\n</ul>"
 
 
 def pictures_in_rows(pictures: Iterable[str], *, wide: bool = False) -> str:
@@ -103,7 +147,8 @@ def pictures_in_rows(pictures: Iterable[str], *, wide: bool = False) -> str:
 
 def preformatted(text: str) -> str:
     """A preformatted block."""
-    return f"<pre>{html.escape(printable_lines(text))}</pre>"
+    lines = "\n".join(map(escaped, text.split("\n")))
+    return f"<pre>{lines}</pre>"
 
 
 def picture(source: Figure | Path, caption: str) -> str:
@@ -116,7 +161,7 @@ def picture(source: Figure | Path, caption: str) -> str:
     else:
         data = png(source, dpi=_SCALE * _SHARPNESS)
         size = f' width="{source.get_figwidth() * _SCALE:.0f}"'
-    words = _text(caption)
+    words = escaped(caption)
     base64_text = base64.b64encode(data).decode()
     return (
         f'<figure><img src="data:image/png;base64,{base64_text}"{size} alt="{words}">'

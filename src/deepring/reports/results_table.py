@@ -93,8 +93,13 @@ def interval_text(share: float, count: float) -> str:
     >>> interval_text(0.862, 65)
     '(.76-.93)'
     """
-    low, high = (f"{bound:.2f}".removeprefix("0") for bound in wilson(share, count))
-    return f"({low}-{high})"
+    return bounds_text(*wilson(share, count))
+
+
+def bounds_text(low: float, high: float) -> str:
+    """The ends of an interval of a share, as `interval_text` writes them."""
+    ends = (f"{bound:.2f}".removeprefix("0") for bound in (low, high))
+    return f"({'-'.join(ends)})"
 
 
 def within_text(radius: float, wrong_beyond: float) -> str:
@@ -108,14 +113,18 @@ def within_text(radius: float, wrong_beyond: float) -> str:
 
 
 def _rows_at(results: Sequence[Result], radius: float) -> list[Result]:
-    rows = [result for result in results if math.isclose(result.radius_m, radius)]
-    if not rows:
+    expect_results_at(results, radius)
+    return [result for result in results if math.isclose(result.radius_m, radius)]
+
+
+def expect_results_at(results: Sequence[Result], radius: float) -> None:
+    """Raise ConfigError, which names the radii that there are, where none is at this radius."""
+    if not any(math.isclose(result.radius_m, radius) for result in results):
         radii = ", ".join(f"{r:g}" for r in sorted({result.radius_m for result in results}))
         raise ConfigError(
             f"radius: {radius:g} m, expected one of {radii or 'none'}, at which there are results; "
             "choose one, or evaluate at this radius"
         )
-    return rows
 
 
 def _within(result: Result) -> str:

@@ -19,6 +19,7 @@ VERSIONS = {
     "map": 1,
     "properties": 1,
     "results": 1,
+    "status": 1,
     "sweep": 1,
     "tables": 1,
     "written": 1,

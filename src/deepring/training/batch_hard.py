@@ -190,6 +190,11 @@ class BatchHardScheme(TrainingScheme):
         """Batches of the scans. Raises DataError for too few pairs."""
         return ScanBatchSet(scans, self, seed)
 
+    def expect_method(self, method: NetworkMethod, loss: nn.Module) -> None:  # noqa: ARG002
+        """Raise ConfigError for scans that are to be turned and cannot be."""
+        if self.turned:
+            method.raster.sectors  # noqa: B018
+
     def step(self, method: NetworkMethod, loss: ScanBatchLoss, batch: ScanBatch) -> Step:
         """Describe the batch and compare all its scans with each other."""
         descriptors = method(batch.rasters)

@@ -11,6 +11,12 @@ from deepring import checks
 from deepring.errors import ConfigError
 from deepring.training.scheme import Step
 
+#: What is said where nothing tells a match.
+EXPECTED_HEAD = (
+    "expected a method with match_logits(first, second), such as RINet; choose another loss, such "
+    "as contrastive"
+)
+
 
 @runtime_checkable
 class PairHead(Protocol):
@@ -100,10 +106,7 @@ class SoftMatch(PairLoss):
     def forward(self, pairs: PairDescriptors) -> Step:
         """See `PairLoss`; ``parts`` has both terms. Raises ConfigError without logits."""
         if pairs.logits is None:
-            raise ConfigError(
-                "loss: SoftMatch, expected a method with match_logits(first, second), such as "
-                "RINet; choose another loss, such as contrastive"
-            )
+            raise ConfigError(f"loss: SoftMatch, {EXPECTED_HEAD}")
         target = self.targets(pairs.metres)
         match = F.binary_cross_entropy_with_logits(pairs.logits, target)
         apart = contrastive(pair_distances(pairs), target, self.margin).mean()
