@@ -1,17 +1,20 @@
 """Pairs of scans of two drives: how alike methods find them, and the turn between them.
 
     python benchmarks/pairs.py drive.yaml map query [--methods ssc scan_context ring] [--count 60]
-                               [--way same | opposite]
+                               [--checkpoints rinet=FILE overlapnet=FILE] [--way same opposite]
 
 Turns and offsets are of pairs in bands of distance; of turns, errors modulo the method's period.
 The pairs of the table of SSC (Li et al. 2021): positive within 3 m, negative beyond 20 m. F1 is the
 largest, EP is (P0 + R100) / 2: the precision of the highest score, and the largest recall without
-a wrong pair. The paper has 100 negatives for a positive. ``--way`` takes positives alone in which
-both drives head the same way, or opposite ways, to within 45 degrees, and prints F1 and EP alone.
+a wrong pair. The paper has 100 negatives for a positive. ``--checkpoints`` are trained networks,
+each by the name of its row. ``--way`` takes positives alone in which both drives head the same way,
+or opposite ways, to within 45 degrees, and prints F1 and EP alone; with both, how much of F1 is
+left where drives head opposite ways.
 """
 
 import argparse
 import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +26,7 @@ from deepring.core.rigid import yaw_of
 from deepring.data.readers import ground_of, open_session
 from deepring.data.session import Session
 from deepring.methods.method import Method
+from deepring.methods.network_file import load_network
 from deepring.methods.registry import method_class
 from deepring.methods.ssc import Ssc
 
@@ -82,14 +86,15 @@ def distances(drives: tuple[Session, Session], way: str | None) -> NDArray[np.fl
     return distance
 
 
+@torch.no_grad()
 def measure(
     method: Method,
     drives: tuple[Session, Session],
     ground: float,
     count: int,
     way: str | None = None,
-) -> None:
-    """Print the rows of one method."""
+) -> float:
+    """Print the rows of one method; its F1."""
     places, queries = (Described(method, drive, ground) for drive in drives)
     distance, rng = distances(drives, way), np.random.default_rng(0)
     period = float(getattr(method, "turn_period", 2 * math.pi))
@@ -116,25 +121,42 @@ def measure(
     scores = np.array([float(method.compare(queries[q], places[p]).score) for q, p in pairs])
     f1, ep = f1_and_ep(scores, np.arange(len(pairs)) < positive)
     means = [part.mean() for part in (scores[:positive], scores[positive:])]
-    print(f"  F1 {f1:.3f}, EP {ep:.3f}: {positive} pairs, {len(pairs) - positive} others")
+    where = "" if way is None else f"{way} way: "
+    print(f"  {where}F1 {f1:.3f}, EP {ep:.3f}: {positive} pairs, {len(pairs) - positive} others")
     print(f"  mean score of these {means[0]:.3f}, of the others {means[1]:.3f}")
+    return f1
 
 
-def main() -> None:
+def methods_of(names: Sequence[str], checkpoints: Sequence[str]) -> Iterator[tuple[str, Method]]:
+    """The registered methods, and the networks of ``NAME=FILE``."""
+    for name in names:
+        made: Any = method_class(name)()
+        yield name, made
+    for text in checkpoints:
+        name, equals, file = text.partition("=")
+        if not equals:
+            raise SystemExit(f"--checkpoints: {text}, expected NAME=FILE")
+        yield name, load_network(file).method
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
     """Parse, measure each method."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("root", type=Path)
     parser.add_argument("sessions", nargs=2)
     parser.add_argument("--format", default="custom")
-    parser.add_argument("--methods", nargs="+", default=["ssc", "scan_context", "ring"])
+    parser.add_argument("--methods", nargs="*", default=["ssc", "scan_context", "ring"])
+    parser.add_argument("--checkpoints", nargs="*", default=[], metavar="NAME=FILE")
     parser.add_argument("--count", type=int, default=60)
-    parser.add_argument("--way", choices=["same", "opposite"])
-    args = parser.parse_args()
+    parser.add_argument("--way", nargs="+", choices=["same", "opposite"])
+    args = parser.parse_args(arguments)
     first, second = (open_session(args.format, args.root, name) for name in args.sessions)
-    for name in args.methods:
-        method: Any = method_class(name)()
+    drives, ground = (first, second), ground_of(first, args.format)
+    for name, method in methods_of(args.methods, args.checkpoints):
         print(name)
-        measure(method, (first, second), ground_of(first, args.format), args.count, args.way)
+        f1 = {way: measure(method, drives, ground, args.count, way) for way in args.way or [None]}
+        if len(f1) > 1:
+            print(f"  left of F1 opposite ways: {f1['opposite'] / f1['same']:.2f}")
 
 
 if __name__ == "__main__":

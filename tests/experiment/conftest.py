@@ -8,6 +8,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from deepring.data.readers.nclt import open_nclt
+from deepring.experiment.compose import check_training
 from deepring.experiment.config import check_config
 from deepring.experiment.config_groups import config_folder, register_configs
 
@@ -20,7 +21,10 @@ def compose_in():
     def make(outputs, *overrides, name="train"):
         folders = [f"paths.outputs={outputs}", f"paths.run={outputs / 'run'}"]
         with initialize_config_dir(str(config_folder()), version_base="1.3"):
-            return check_config(compose(name, [*folders, *overrides]))
+            given = [*folders, *overrides]
+            if name == "train":
+                return check_training(compose(name, given), given)
+            return check_config(compose(name, given))
 
     return make
 

@@ -58,6 +58,7 @@ TINY_METHODS = {
         "sampling.positive_radius=10",
     ),
     "dh3d": (
+        "stage=dh3d_whole",  # in stages: `test_stages`
         *("method.raster.count=64", "method.stem=4", "method.first=4", "method.second=4"),
         *("method.detector=[4]", "method.features=8", "method.attention=4", "method.clusters=2"),
         *("sampling.negatives=2", "sampling.negative_radius=20", "sampling.per_epoch=2"),

@@ -6,6 +6,7 @@ imports behind it, so that the kills hit its work.
 
 import os
 import random
+import re
 import shutil
 import time
 
@@ -129,7 +130,7 @@ def test_sweep(forks, tiny_nclt, tmp_path):
 def test_compare(forks, tiny_nclt, tmp_path):
     command = ["compare", "--fixed=", "--learned", "deepring_small", "--train", "sim_nclt"]
     command += ["--test", "sim_nclt", "--seeds", "0,1", *EPISODES, "trainer.max_epochs=2"]
-    command += [f"train_data.sim_nclt.{part.removeprefix('data.')}" for part in TINY_DATA]
+    command += [re.sub(r"^data\.", "train_data.sim_nclt.", part) for part in TINY_DATA]
     command += ["callbacks.progress=null", "trainer.log_every_n_steps=1"]
 
     def link(folder):

@@ -48,6 +48,8 @@ def test_the_transport_of_three_features():
     assert transport.diagonal().numpy() == pytest.approx([0.33391] * 3, abs=1e-5)
     assert transport[0, 1:].numpy() == pytest.approx([0.12647] * 2, abs=1e-5)
     assert transport.sum(dim=1).numpy() == pytest.approx([0.58685] * 3, abs=1e-5)
+    assert float(transport.sum()) > 1  # it may send more than it has, unlike balanced transport
+    assert float(unbalanced_transport(1 - features @ features.mT, 1.03, 1e6, 50).sum()) <= 1 + 1e-5
 
 
 def test_the_pose_of_three_points():

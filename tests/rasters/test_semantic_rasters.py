@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
+import torch
 
 from deepring.core.rigid import turn_points
 from deepring.errors import ConfigError, DataError
-from deepring.rasters import Preprocessing, SemanticPointsRaster, SemanticRaster
+from deepring.rasters import Preprocessing, Raster, SemanticPointsRaster, SemanticRaster
 from deepring.rasters.classes import CLASSES, LANDMARKS, PRIORITY, classes_of
 from deepring.rasters.semantic_points import FULL
 
@@ -67,6 +68,39 @@ def test_a_turn_rolls_the_sectors():
     same = np.roll(raster(points, 0.0), 35, axis=0) == raster(turned, 0.0)
     assert same.mean() > 0.999  # points on a border may fall to either side
     assert (np.roll(raster(points, 0.0), -35, axis=0) == raster(turned, 0.0)).mean() < 0.95
+
+
+@pytest.mark.parametrize("sectors", [1, 25, -7])
+@pytest.mark.parametrize("point", ["nearest", "last"])
+def test_turning_points_with_classes_is_turning_their_scan(sectors, point):
+    raster = SemanticPointsRaster(sectors=36, rings=10, count=1500, sector_point=point)
+    rng = np.random.default_rng(6)
+    azimuth = (rng.integers(72, size=800) + 0.5) * math.pi / 36  # within parts of cells
+    r = (rng.integers(20, size=800) + rng.uniform(0.2, 0.8, 800)) * 2.5
+    flat = [r * np.cos(azimuth), r * np.sin(azimuth), rng.normal(0, 1, 800)]
+    points = np.column_stack([*flat, rng.choice(LABELS, 800)]).astype(np.float32)
+    other = points.copy()
+    other[:, :3] = turn_points(points[:, :3], sectors * math.tau / 36)
+    before, after = (torch.from_numpy(raster(each, 0.0))[None] for each in (points, other))
+    found = raster.turned(before, torch.tensor([sectors]))
+    assert found.dtype == before.dtype
+
+    def near(one, two):
+        return (one.int() - two.int()).abs().max() <= 2  # units of 1.5 mm
+
+    assert near(found[:, :36], after[:, :36])  # a landmark of each sector, in its order
+    assert not near(before[:, :36], after[:, :36])
+    rest = [np.array(sorted(x[0, 36:].tolist(), key=_by_class)) for x in (found, after)]
+    assert np.abs(rest[0] - rest[1]).max() <= 2
+    wrong = Raster.turned  # rolls whole points as if azimuth were on their axis
+    with pytest.raises(RuntimeError):
+        wrong(raster, before, torch.tensor([sectors]))
+
+
+def _by_class(row):
+    """An order of points that rounding does not change: their classes, then their distances."""
+    x, y, number = row
+    return number, round(math.hypot(x, y) / 40), round(math.atan2(y, x) % math.tau * 36)
 
 
 def test_the_band_and_the_ground_take_their_labels_along():

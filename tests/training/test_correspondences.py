@@ -7,7 +7,6 @@ import torch
 from deepring.core.rigid import moved_points, turn_points
 from deepring.data.packed_rasters import Rasters, pack
 from deepring.errors import ConfigError, DataError
-from deepring.methods.disco import Disco
 from deepring.rasters import PointsRaster, Preprocessing
 from deepring.testing import walls
 from deepring.training.correspondences import (
@@ -134,9 +133,8 @@ def test_what_does_not_go_together_is_refused():
     alone = CorrespondenceScheme(points=32, partners="scans", place_radius=0.5)
     with pytest.raises(DataError, match=r"sampling\.place_radius: none of 3 training scans"):
         alone.training_set(far, seed=0)
-    batch = scheme.training_set(far, seed=0)[0]
-    with pytest.raises(ConfigError, match=r"expected a method with local_points.* not DiSCO"):
-        scheme.step(Disco.without_weights(TINY["disco"]().settings), NTuple(), batch)
+    with pytest.raises(ConfigError, match=r"sampling\.points: 512, expected at most the 64"):
+        CorrespondenceScheme().expect_method(TINY["dh3d"](), NTuple())
     for changes, complaint in (
         ({"points": 4}, r"sampling\.points: 4"),
         ({"partners": "both"}, r"sampling\.partners: 'both', expected one of copies, scans"),

@@ -156,5 +156,3 @@ def test_what_does_not_fit_is_refused():
             OverlapScheme(**{name: value})
     with pytest.raises(ConfigError, match=r"loss\.turn_from: 2"):
         OverlapAndTurn(turn_from=2)
-    with pytest.raises(ConfigError, match="a method with overlap_logits and turn_curves"):
-        OverlapScheme().step(TINY["locnet"](), OverlapAndTurn(), None)

@@ -176,13 +176,13 @@ def test_what_does_not_fit_together_is_refused():
     with pytest.raises(ConfigError, match="the method takes a PolarRaster"):
         SCHEME.training_set(some_scans(), 0)
     method = Locus(LocusSettings(raster_settings(RASTER), (2, 2, 2), hidden=4, feature=4))
-    batch = SCHEME.training_set(drive(), 0)[0]
     for values, name in (
         ({"feature": 5, "cells": (8, 8, 4)}, r"loss\.feature: 5, expected method\.feature=4"),
         ({"feature": 4, "cells": (8, 8, 8)}, r"loss\.cells: \[8, 8, 8\], expected"),
     ):
         with pytest.raises(ConfigError, match=name):
-            SCHEME.step(method, SegmentIdentity(20, **values), batch)
+            SCHEME.expect_method(method, SegmentIdentity(20, **values))
+        assert all(module.training for module in method.modules())
     for values, name in (({"size": 1}, "size"), ({"views": 1}, "views"), ({"cut": 1.5}, "cut")):
         with pytest.raises(ConfigError, match=rf"sampling\.{name}"):
             SegmentScheme(**values)

@@ -25,8 +25,8 @@ COMMANDS = {
         run_options.add_train,
         "train a method and evaluate it, or run a sweep (-m)",
         "Train a method and evaluate it. resume=CHECKPOINT goes on in that run's folder,\n"
-        "start_from=CHECKPOINT begins a run with the weights of an earlier stage; -m runs a\n"
-        "sweep, one job after the other, or as hydra/launcher= says.",
+        "start_from=CHECKPOINT begins a run with the weights of an earlier stage, stages=[A,B]\n"
+        "trains several; -m runs a sweep, one job after the other, or as hydra/launcher= says.",
         HydraParser,
         partial(run_options.config_help, "train"),
     ),

@@ -70,7 +70,7 @@ def _whole(state: SweepState) -> str:
 def _rest(state: SweepState) -> list[str]:
     texts = []
     for name in ("waiting", "not begun"):
-        if number := state.count(name):  # type: ignore[arg-type]
+        if number := state.count(name):
             texts.append(f"{number} {name}")
     return texts
 

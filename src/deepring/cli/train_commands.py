@@ -26,10 +26,11 @@ from deepring.cli.results_content import results_content
 from deepring.errors import ConfigError
 from deepring.evaluation.pose_errors import PoseErrors
 from deepring.evaluation.results import Result
-from deepring.experiment.compose import in_our_words
-from deepring.experiment.config import EvaluationSettings, check_config
+from deepring.experiment.compose import check_training, in_our_words
+from deepring.experiment.config import Config, EvaluationSettings, check_config
 from deepring.experiment.config_groups import config_folder, register_configs
 from deepring.experiment.run_folder import is_first_process, link_latest, open_run_folder
+from deepring.experiment.stages import run_of
 from deepring.experiment.status import is_finished
 from deepring.experiment.sweep_lines import job_begins, job_ended
 from deepring.experiment.sweep_names import naming
@@ -146,13 +147,6 @@ def sweep_content(sweeps: Sequence[SweepOutcomes]) -> dict[str, Any]:
     }
 
 
-def run_of(checkpoint: Path) -> Path | None:
-    """The run folder that a checkpoint lies in, or None."""
-    folder = checkpoint.parent.parent
-    inside = checkpoint.is_file() and (folder / "config.yaml").is_file()
-    return folder.resolve() if inside else None
-
-
 def _run_hydra(
     name: str, task: Callable[[DictConfig], float | None], arguments: Sequence[str]
 ) -> None:
@@ -177,7 +171,7 @@ def _sweep_job(composed: DictConfig) -> float:
     with note_outcome(is_mistake):
         if not (skipped := is_finished(folder)):
             log.info("%s", job_begins(folder))
-        cfg = check_config(composed)
+        cfg = _checked_training(composed)
         if in_parallel():
             silence()
         score = run_job(cfg, run_folder(cfg.paths.run))
@@ -188,7 +182,7 @@ def _sweep_job(composed: DictConfig) -> float:
 
 @report_mistakes(_KEYS)
 def _train(composed: DictConfig, args: argparse.Namespace) -> None:
-    cfg = check_config(composed)
+    cfg = _checked_training(composed)
     from deepring.experiment.train import train
 
     _keep_log_short()
@@ -231,6 +225,11 @@ def _evaluate(composed: DictConfig, args: argparse.Namespace) -> None:
 
     content = partial(run_content, folder, plan.evaluation, found.results, checkpoint)
     print_as(args, "results", content, text)
+
+
+def _checked_training(composed: DictConfig) -> Config:
+    """The checked config of the running job, with its stages."""
+    return check_training(composed, HydraConfig.get().overrides.task)
 
 
 def _keep_log_short() -> None:

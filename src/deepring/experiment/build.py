@@ -98,6 +98,11 @@ def method(node: Mapping[str, Any] | None, key: str = "method") -> Method:
     return cast("Method", cls(**raster, **arguments))
 
 
+def network(node: Mapping[str, Any] | None, key: str = "method") -> NetworkMethod:
+    """The network of a node, with random weights. Raises ConfigError as `method` does."""
+    return cast("NetworkMethod", of_type(key, method(node, key), NetworkMethod))
+
+
 def network_settings(node: Mapping[str, Any], key: str = "method") -> PlainSettings:
     """The settings of a node's network. Raises ConfigError as `method` does."""
     values = {name: value for name, value in node.items() if name not in NOT_SETTINGS}
@@ -234,8 +239,7 @@ def trainer(
     validation sets, the weights of the last epoch are kept.
     """
     check_trainer(cfg.trainer)
-    nodes = _callback_nodes(cfg)
-    _check_monitors(nodes, validation)
+    nodes = check_callbacks(cfg, validation)
     if not validation:
         log.warning("no validation split: the weights of the last epoch are kept")
         for node in nodes.values():
@@ -253,6 +257,16 @@ def trainer(
         # Each process draws its own batches; see BatchOrder.
         use_distributed_sampler=False,
     )
+
+
+def check_callbacks(cfg: Config, validation: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """The nodes of the callbacks, by name.
+
+    Raises ConfigError for one that is no node, or waits for what is not logged.
+    """
+    nodes = _callback_nodes(cfg)
+    _check_monitors(nodes, validation)
+    return nodes
 
 
 def _callback_nodes(cfg: Config) -> dict[str, dict[str, Any]]:

@@ -114,6 +114,9 @@ class Config:
     evaluate: bool = True
     #: Test regions that hold training scans: 'refuse', 'leave_out' or 'allow'.
     overlap: str = "refuse"
+    #: The stages of a training by name, in their order: what each has in place of the keys of
+    #: training above. ``stages=[A,B]`` names files of ``stage``; +stages.A.KEY=VALUE differs.
+    stages: dict[str, Any] = field(default_factory=dict)
     #: Begin a training with the weights of this checkpoint, which an earlier stage trained.
     start_from: str | None = None
     #: The parts of the network that are trained, such as [aggregate]; the others keep their

@@ -37,7 +37,10 @@ _SIMILARITIES = ("correlation", "l2", "cosine")
 SETTINGS = "settings"
 
 #: Groups whose options write to another key than their own.
-_PACKAGES = {"method/representation": "method", "train": "_global_", "test": "_global_"}
+_PACKAGES = {
+    "method/representation": "method",
+    **dict.fromkeys(("train", "test", "stages"), "_global_"),
+}
 
 
 def config_folder() -> Path:
@@ -100,6 +103,7 @@ def _chosen(folder: Path, file: Path) -> Iterator[tuple[str, str | None]]:
 
 def _generated(folder: Path) -> Mapping[str, Mapping[str, Make]]:
     datasets = sorted(file.stem for file in (folder / "data").glob("*.yaml"))
+    stages = sorted(file.stem for file in (folder / "stage").glob("*.yaml"))
     return {
         SETTINGS: {
             name: partial(_method, path)
@@ -118,12 +122,18 @@ def _generated(folder: Path) -> Mapping[str, Mapping[str, Make]]:
         "method/polar": {"bev": _polar},
         "train": {name: partial(_dataset, "train_data", name) for name in datasets},
         "test": {name: partial(_dataset, "test_data", name) for name in datasets},
+        "stages": {name: partial(_stage, name) for name in stages},
     }
 
 
 def _dataset(key: str, name: str) -> dict[str, Any]:
     """The defaults list that adds a dataset to ``train_data`` or ``test_data``."""
     return {"defaults": [{f"/data@{key}.{name}": name}]}
+
+
+def _stage(name: str) -> dict[str, Any]:
+    """The name of a stage in ``stages``; its values are filled in when the config is composed."""
+    return {"stages": {name: {}}}
 
 
 def _preprocessing() -> dict[str, Any]:

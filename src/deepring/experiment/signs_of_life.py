@@ -40,10 +40,15 @@ class SignsOfLife:
         """Seconds of work until now."""
         return self.before + self.clock() - self.began
 
-    def training(self, epoch: int, epochs: int | None, share: float | None) -> None:
-        """Tell the epoch, from 1, and the share of the training that is done."""
+    def training(
+        self, epoch: int, epochs: int | None, share: float | None, within: str = ""
+    ) -> None:
+        """Tell the epoch, from 1, and the share of the training that is done.
+
+        ``within`` is the stage that the epochs are of, if there are several.
+        """
         stage = f"epoch {epoch}" if epochs is None else f"epoch {epoch}/{epochs}"
-        self._tell("training", stage, share)
+        self._tell(f"training {within}", f"{within}, {stage}" if within else stage, share)
 
     def work(self, title: str, done: int, total: int) -> None:
         """Tell other work than training; within a training, its epochs are told."""
@@ -73,10 +78,16 @@ def signs_of_life(folder: Path, before: float = 0.0) -> Iterator[SignsOfLife]:
 
 
 class TrainingSigns(Callback):
-    """Tells the epochs of a training."""
+    """Tells the epochs of a training, or of a stage of it.
 
-    def __init__(self) -> None:
+    Args:
+        stage: its name, empty for a training without stages.
+        of_whole: where the stage begins and ends, as shares of the training.
+    """
+
+    def __init__(self, stage: str = "", of_whole: tuple[float, float] = (0.0, 1.0)) -> None:
         self.signs: SignsOfLife | None = None
+        self.stage, self.of_whole = stage, of_whole
 
     def on_train_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:  # noqa: ARG002
         """From here on epochs are told."""
@@ -97,10 +108,12 @@ class TrainingSigns(Callback):
         epoch, epochs = trainer.current_epoch, trainer.max_epochs
         share = None
         if epochs is not None and epochs > 0:
-            share = (epoch + (batch_idx + 1) / float(trainer.num_training_batches)) / epochs
+            done = (epoch + (batch_idx + 1) / float(trainer.num_training_batches)) / epochs
+            begin, end = self.of_whole
+            share = begin + (end - begin) * done
         else:
             epochs = None
-        self.signs.training(epoch + 1, epochs, share)
+        self.signs.training(epoch + 1, epochs, share, self.stage)
 
     def on_train_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:  # noqa: ARG002
         """The training is over: other work is told again."""

@@ -11,6 +11,7 @@ from deepring.errors import ConfigError
 from deepring.experiment.config import Config
 from deepring.experiment.record import record_of
 from deepring.experiment.run_folder import read_config
+from deepring.experiment.stages import last_checkpoint
 from deepring.experiment.status import note_failure, read_status, sole_worker
 from deepring.experiment.train import train
 from deepring.paper.flat import INDIFFERENT, flatten
@@ -36,8 +37,8 @@ def run_job(cfg: Config, folder: Path) -> float | None:
         if status is not None and status.state == "finished":
             log.info("finished before: skipped")
             return status.score
-        last = folder / "checkpoints" / "last.ckpt"
-        if last.is_file():
+        last = last_checkpoint(folder)
+        if last is not None:
             log.info("going on from %s", last)
             cfg = replace(cfg, resume=str(last))
         with note_failure(folder):

@@ -1,25 +1,19 @@
 """Train a method, choose a checkpoint and evaluate it."""
 
 import logging
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import lightning as L
-from lightning.pytorch.callbacks import Timer
-
 from deepring.data.dataset import PlaceDataset, RetrievalSet
 from deepring.data.session import Session
-from deepring.errors import ConfigError, StoppedError
-from deepring.evaluation.case import shortened
+from deepring.errors import ConfigError
 from deepring.evaluation.pose_errors import PoseErrors
 from deepring.evaluation.results import Result
 from deepring.experiment import build, loggers
 from deepring.experiment.config import Config
 from deepring.experiment.evaluate import Evaluation, evaluate
-from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.plan import distance_to_training, plan_evaluation
 from deepring.experiment.record import record_of
 from deepring.experiment.run_folder import (
@@ -28,18 +22,16 @@ from deepring.experiment.run_folder import (
     link_latest,
     open_run_folder,
 )
-from deepring.experiment.signs_of_life import SignsOfLife, TrainingSigns, signs_of_life
-from deepring.experiment.start import (
-    NOTHING,
-    check_resume,
-    expect_no_start,
-    resumed_from,
-    start_from,
+from deepring.experiment.signs_of_life import SignsOfLife, signs_of_life
+from deepring.experiment.stage_training import (
+    StageTraining,
+    begin,
+    check_stage,
+    train_stages,
 )
+from deepring.experiment.stages import stages_left
+from deepring.experiment.start import expect_no_start
 from deepring.experiment.status import Status, note_failure, read_status, write_status
-from deepring.methods.network import NetworkMethod
-from deepring.training.datamodule import PlaceDataModule
-from deepring.training.module import PlaceModule
 
 log = logging.getLogger(__name__)
 
@@ -62,8 +54,10 @@ class TrainingOutcome:
 def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
     """Train on the training regions, choose by validation, evaluate on the test regions.
 
-    Everything is written below ``folder``; with ``latest``, the link ``latest`` beside it is set to
-    it. A method that learns nothing is only evaluated. Raises DeepringError for a user's mistake.
+    A training in stages trains them one after the other, each from the checkpoint that the one
+    before chose, and evaluates the last. Everything is written below ``folder``; with ``latest``,
+    the link ``latest`` beside it is set to it. A method that learns nothing is only evaluated.
+    Raises DeepringError for a user's mistake.
     """
     if cfg.checkpoint is not None:
         raise ConfigError(
@@ -71,48 +65,31 @@ def train(cfg: Config, folder: Path, *, latest: bool = True) -> TrainingOutcome:
             "it, resume=CHECKPOINT goes on with its training, and start_from=CHECKPOINT begins a "
             "new one with its weights"
         )
-    L.seed_everything(cfg.seed, workers=True, verbose=False)
-    method = build.method(cfg.method)
-    if not isinstance(method, NetworkMethod):
+    if not build.learns(cfg.method):
+        build.method(cfg.method)
         expect_no_start(cfg)
         return _evaluate_alone(cfg, folder, latest=latest)
     datasets = trains, tests = build.datasets(cfg)
-    before, resumed = NOTHING, None
-    if cfg.resume is not None:  # its weights are those that the training goes on with
-        resumed, before = resumed_from(cfg.resume, method)
-    elif cfg.start_from is not None:
-        before = start_from(method, cfg.start_from)
+    stages, ended = stages_left(cfg, folder)
     # Whatever would fail after the training fails now, before anything is written.
+    for stage in stages if cfg.stages else []:
+        check_stage(stage, trains)
+    beginning = begin(stages[0].cfg)
     if cfg.evaluate:
         splits = plan_evaluation(cfg, datasets=datasets, after=True).splits
-        seen = [d for d in tests if d.name in before.datasets and d not in trains]
+        seen = [d for d in tests if d.name in beginning.before.datasets and d not in trains]
         check_overlap(cfg.overlap, [*trains, *seen], splits)
-    datamodule = build.datamodule(cfg, trains, method.raster)
-    module = build.module(cfg, trains, method, before)
-    if cfg.resume is not None and resumed is not None:
-        check_resume(cfg.resume, resumed, module)
-    timer = Timer()
-    telling = TrainingSigns()
-    further = [timer, telling, LinkLatest(folder)] if latest else [timer, telling]
-    trainer = build.trainer(cfg, folder, validation=module.validation, further=further)
-    with _run_of(cfg, folder) as telling.signs:
-        log.info(
-            "training %d parameters of %s on %s",
-            sum(p.numel() for p in method.parameters() if p.requires_grad),
-            method.settings.label,
-            shortened([dataset.name for dataset in trains], " + "),
-        )
-        if trainer.is_global_zero:
-            loggers.begin(trainer.loggers, hyperparameters(record_of(cfg)))
-        _fit(trainer, module, datamodule, cfg.resume, folder)
-        checkpoint, score = _best_checkpoint(trainer, folder)
+    first = StageTraining.of(stages[0], beginning, trains, [LinkLatest(folder)] if latest else [])
+    with _run_of(cfg, folder) as signs:
+        last, ended = train_stages(first, stages[1:], ended, trains, signs)
+        checkpoint = last.checkpoint
         found = Evaluation([], [])
-        if cfg.evaluate and trainer.is_global_zero:
+        if cfg.evaluate and last.trainer.is_global_zero:
             found = evaluate(plan_evaluation(cfg, checkpoint, datasets), folder)
-            loggers.add_results(trainer.loggers, found.results)
-        if trainer.is_global_zero:
-            seconds = timer.time_elapsed("train")
-            _finish(folder, telling.signs, score, seconds)
+            loggers.add_results(last.trainer.loggers, found.results)
+        score, seconds = ended[-1].score, sum(each.seconds for each in ended)
+        if last.trainer.is_global_zero:
+            _finish(folder, signs, score, seconds)
     return TrainingOutcome(folder, checkpoint, *found, score)
 
 
@@ -156,21 +133,6 @@ def _evaluate_alone(cfg: Config, folder: Path, *, latest: bool) -> TrainingOutco
     return TrainingOutcome(folder, None, *found, None)
 
 
-def _fit(
-    trainer: L.Trainer,
-    module: PlaceModule,
-    datamodule: PlaceDataModule,
-    resume: str | None,
-    folder: Path,
-) -> None:
-    if resume is not None:  # then the run's own checkpoints lie there
-        warnings.filterwarnings("ignore", message="Checkpoint directory .* exists")
-    try:
-        trainer.fit(module, datamodule=datamodule, ckpt_path=resume, weights_only=True)
-    except SystemExit:  # how Lightning ends on Ctrl-C
-        raise StoppedError(_interrupted(folder)) from None
-
-
 def check_overlap(
     overlap: str, datasets: Sequence[PlaceDataset], splits: Sequence[RetrievalSet]
 ) -> None:
@@ -203,23 +165,3 @@ def same_files(dataset: PlaceDataset, split: RetrievalSet) -> bool:
 
     training = folders(dataset.database, dataset.query)
     return bool(training & folders(split.database.session, split.query.session))
-
-
-def _interrupted(folder: Path) -> str:
-    last = folder / "checkpoints" / "last.ckpt"
-    if not last.is_file():
-        return f"training was interrupted before its first checkpoint; {folder} holds no weights"
-    return f"training was interrupted; go on with the same command and resume={last}"
-
-
-def _best_checkpoint(trainer: L.Trainer, folder: Path) -> tuple[Path, float | None]:
-    """The checkpoint that validation chose, and its score; saved now if no callback saved one."""
-    best = getattr(trainer.checkpoint_callback, "best_model_path", "")
-    if best:
-        path = Path(best)
-        score = getattr(trainer.checkpoint_callback, "best_model_score", None)
-        path = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
-        return path, None if score is None else float(score)
-    path = folder / "checkpoints" / "last.ckpt"
-    trainer.save_checkpoint(path)
-    return path, None

@@ -24,8 +24,8 @@ class LocNetSettings(PlainSettings):
     label: ClassVar[str] = "LocNet"
 
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(RingHistogramRaster()))
-    channels: Sequence[int] = (50, 100)
-    dimension: int = 50
+    channels: Sequence[int] = (50, 100)  # of the two convolutions
+    dimension: int = 50  # length of a descriptor
 
 
 class LocNet(VectorNetwork):

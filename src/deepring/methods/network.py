@@ -1,8 +1,8 @@
 """The base of learned methods: settings that travel in checkpoints, descriptions of scans."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from contextlib import nullcontext
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict
 from typing import Any, ClassVar, Self, cast
 
@@ -135,14 +135,21 @@ class NetworkMethod(nn.Module, ABC):
         Whatever is like an array (b, *raster.shape) is taken. Raises DataError for anything else.
         """
         rasters = given_rasters(self.raster, rasters)
-        training = [module for module in self.modules() if module.training]
-        if training:
-            self.eval()
-        try:
+        with evaluating(self):
             return self(rasters.to(next(self.parameters()).device))
-        finally:
-            for module in training:
-                module.training = True
+
+
+@contextmanager
+def evaluating(network: nn.Module) -> Iterator[None]:
+    """Evaluation mode within the block; then each module is in its mode again."""
+    training = [module for module in network.modules() if module.training]
+    if training:
+        network.eval()
+    try:
+        yield
+    finally:
+        for module in training:
+            module.training = True
 
 
 def class_path(method: NetworkMethod) -> str:

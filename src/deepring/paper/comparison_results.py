@@ -23,7 +23,9 @@ from deepring.paper.seed_groups import (
 )
 
 #: What a trained method is made with, beside the data.
-_MADE = re.compile(r"(method|loss|sampling|augmentation|optimizer|scheduler|trainer|callbacks)\..*")
+_MADE = re.compile(
+    r"(method|loss|sampling|augmentation|optimizer|scheduler|trainer|callbacks|stages)\..*"
+)
 
 #: What of a dataset matters where it is trained on, and not where it is tested on.
 _OF_TRAINING = ("spacing.train", *(f"regions.{k}" for k in ("validation_share", "margin")))

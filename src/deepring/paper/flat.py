@@ -9,8 +9,8 @@ from deepring.io.typed import plain
 #: Keys by which no run gives other results, as a regular expression: where it lies, what it shows,
 #: how it goes on.
 INDIFFERENT = (
-    r"(resume|paths|workers|logger|experiment_name|sweep_name|callbacks\.(progress|learning_rate))"
-    r"(\..*)?|callbacks\..*\.dirpath"
+    r"(stages\.[^.]+\.)?(((resume|paths|workers|logger|experiment_name|sweep_name"
+    r"|callbacks\.(progress|learning_rate))(\..*)?)|callbacks\..*\.dirpath)"
 )
 
 

@@ -32,7 +32,7 @@ _IRRELEVANT = re.compile(
     INDIFFERENT
     + r"|(seed|checkpoint|methods|evaluate|overlap|evaluation\.(figures|descriptors))(\..*)?"
     r"|method\.(label|note)"
-    r"|trainer\.(_target_|accelerator|log_every_n_steps|num_sanity_val_steps|profiler"
+    r"|(stages\.[^.]+\.)?trainer\.(_target_|accelerator|log_every_n_steps|num_sanity_val_steps|profiler"
     r"|enable_.*|deterministic|default_root_dir|logger|callbacks)"
 )
 

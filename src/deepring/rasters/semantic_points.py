@@ -1,10 +1,13 @@
 """A scan as points with classes, which can be moved: what Semantic Scan Context compares."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from deepring import checks
 from deepring.rasters.base import Raster
@@ -36,7 +39,7 @@ class SemanticPointsRaster(Labelled, Raster, kind="semantic_points"):
     """
 
     sectors: int = 360
-    rings: int = 50
+    rings: int = 50  # of the polar cells
     radius: float = 50.0
     count: int = 12288
     sector_point: SectorPoint = "nearest"
@@ -69,6 +72,23 @@ class SemanticPointsRaster(Labelled, Raster, kind="semantic_points"):
         image[filled, :2] = np.rint(points[taken, :2] * np.float32(FULL / self.radius))
         image[filled, 2] = classes[taken]
         return image
+
+    def turned(self, images: Tensor, sectors: Tensor) -> Tensor:
+        """Points (n, sectors + count, 3) turned about z by so many sectors, counter-clockwise.
+
+        Landmarks move to the rows of their new sectors; the other rows keep theirs, which say
+        nothing. Coordinates are rounded again. Scans with more cells than ``count`` would have kept
+        other points of these.
+        """
+        turn = sectors.double()[:, None] * (2 * math.pi / self.sectors)
+        x, y = images[..., 0].double(), images[..., 1].double()
+        moved = images.clone()
+        moved[..., 0] = (turn.cos() * x - turn.sin() * y).round().to(images.dtype)
+        moved[..., 1] = (turn.sin() * x + turn.cos() * y).round().to(images.dtype)
+        rows = (torch.arange(self.sectors)[None] - sectors[:, None]) % self.sectors
+        landmarks = moved[:, : self.sectors]
+        moved[:, : self.sectors] = landmarks.gather(1, rows[..., None].expand_as(landmarks))
+        return moved
 
     def _landmarks(
         self, flat: NDArray[np.float32], classes: NDArray[np.uint8]

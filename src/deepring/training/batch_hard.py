@@ -65,6 +65,9 @@ class BatchHardTriplet(ScanBatchLoss):
 
     The first ``warm_up`` batches take all triplets whatever ``mining`` says, so that the hardest
     ones begin from descriptors that already differ. Checkpoints store the batches counted.
+
+    Args:
+        margin: by which another place has to be farther than the same one
     """
 
     def __init__(
@@ -189,6 +192,11 @@ class BatchHardScheme(TrainingScheme):
     def training_set(self, scans: TrainingScans, seed: int) -> "ScanBatchSet":
         """Batches of the scans. Raises DataError for too few pairs."""
         return ScanBatchSet(scans, self, seed)
+
+    def expect_method(self, method: NetworkMethod, loss: nn.Module) -> None:  # noqa: ARG002
+        """Raise ConfigError for scans that are to be turned and cannot be."""
+        if self.turned:
+            method.raster.sectors  # noqa: B018
 
     def step(self, method: NetworkMethod, loss: ScanBatchLoss, batch: ScanBatch) -> Step:
         """Describe the batch and compare all its scans with each other."""

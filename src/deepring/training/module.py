@@ -26,7 +26,8 @@ class PlaceModule(L.LightningModule):
     Args:
         method: the network; a checkpoint holds its name, settings and weights.
         scheme: computes the loss of a batch.
-        loss: a loss of the scheme; any other raises ConfigError.
+        loss: a loss of the scheme; any other raises ConfigError, as does a method that the two
+            cannot train.
         validation: names of the validation sets, in the order of their loaders.
         optimizer: makes the optimizer of the parameters.
         scheduler: makes its schedule, stepped once per epoch; None keeps the rate constant.
@@ -52,6 +53,7 @@ class PlaceModule(L.LightningModule):
     ) -> None:
         super().__init__()
         scheme.expect_loss(loss)
+        scheme.expect_method(method, loss)
         self.method, self.scheme, self.loss = method, scheme, loss
         self.parts = None if parts is None else _known_parts(method, parts)
         if self.parts is not None:
@@ -119,7 +121,8 @@ class PlaceModule(L.LightningModule):
         optimizer = self.make_optimizer([w for w in self.parameters() if w.requires_grad])
         if self.make_scheduler is None:
             return optimizer
-        return {"optimizer": optimizer, "lr_scheduler": self.make_scheduler(optimizer)}
+        scheduler = {"scheduler": self.make_scheduler(optimizer), "name": "train/lr"}
+        return {"optimizer": optimizer, "lr_scheduler": scheduler}
 
 
 def _known_parts(method: NetworkMethod, parts: Sequence[str]) -> list[str]:

@@ -75,6 +75,12 @@ class TrainingScheme(ABC):
     def step(self, method: NetworkMethod, loss: Any, batch: Any) -> Step:
         """Describe a batch of the training set and compute a loss of `loss_type`."""
 
+    def expect_method(self, method: NetworkMethod, loss: nn.Module) -> None:  # noqa: B027
+        """Raise ConfigError for a method that cannot be trained so; takes every method here.
+
+        It is called with a loss of the scheme before any scan is read.
+        """
+
     def expect_loss(self, loss: nn.Module) -> None:
         """Raise ConfigError unless the loss is one of the scheme's."""
         if not isinstance(loss, self.loss_type):
@@ -82,3 +88,11 @@ class TrainingScheme(ABC):
                 f"loss: {type(loss).__name__}, expected a subclass of {self.loss_type.__name__}, "
                 f"the losses of {type(self).__name__}; choose a loss and a sampling that match"
             )
+
+
+def not_served(scheme: TrainingScheme, method: NetworkMethod, expected: str) -> ConfigError:
+    """The error of a method that a scheme cannot train, with what it ``expected``."""
+    return ConfigError(
+        f"sampling: {type(scheme).__name__} does not serve {method.settings.label}, expected "
+        f"{expected}; choose another sampling or method"
+    )

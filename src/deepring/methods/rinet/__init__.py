@@ -27,10 +27,11 @@ class RINetSettings(PlainSettings):
     label: ClassVar[str] = "RINet"
 
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(SemanticRangesRaster()))
-    widths: Sequence[int] = (16, 16, 32, 32, 64, 128)
+    widths: Sequence[int] = (16, 16, 32, 32, 64, 128)  # channels of each stage
+    #: by which each further stage thins θ; their product divides the sectors
     steps: Sequence[int] = (3, 3, 2, 2, 2)
-    hidden: int = 128
-    gates: bool = True
+    hidden: int = 128  # width of the layer that compares two descriptors
+    gates: bool = True  # weigh channels by the whole scan
 
 
 class RINet(NetworkMethod):

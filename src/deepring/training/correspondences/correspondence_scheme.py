@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
 from deepring import checks
 from deepring.core.rigid import pose_from, rotation_from_rpy
@@ -17,12 +17,12 @@ from deepring.errors import ConfigError, DataError
 from deepring.methods.dh3d import LocalPoints
 from deepring.methods.network import NetworkMethod
 from deepring.nn.neighbourhoods import farthest_points, gathered
-from deepring.rasters import PointsRaster
+from deepring.rasters import PointsRaster, Raster
 from deepring.training.correspondences.correspondence_losses import (
     CorrespondenceLoss,
     Correspondences,
 )
-from deepring.training.scheme import Step, TrainingScheme, TrainingSet
+from deepring.training.scheme import Step, TrainingScheme, TrainingSet, not_served
 from deepring.training.training_scans import TrainingScans, within
 
 Partners = Literal["copies", "scans"]
@@ -60,10 +60,10 @@ class CorrespondenceScheme(TrainingScheme):
 
     loss_type = CorrespondenceLoss
 
-    pairs: int = 6
-    per_epoch: int = 1000
-    partners: Partners = "copies"
-    place_radius: float = 10.0
+    pairs: int = 6  # of a batch
+    per_epoch: int = 1000  # batches
+    partners: Partners = "copies"  # or scans
+    place_radius: float = 10.0  # metres
     points: int = 512
     around: int = 10
     tilt: float = 0.06
@@ -82,15 +82,31 @@ class CorrespondenceScheme(TrainingScheme):
         """Pairs of the scans. Raises ConfigError for a raster of another kind than points."""
         return CorrespondenceSet(scans, self, seed)
 
+    def expect_method(self, method: NetworkMethod, loss: nn.Module) -> None:  # noqa: ARG002
+        """Raise ConfigError unless the method describes points, and takes enough of them."""
+        if not isinstance(method, LocalNetwork):
+            raise not_served(self, method, "a method with local_points(rasters), such as DH3D")
+        self.expect_points(method.raster)
+
+    def expect_points(self, raster: Raster) -> PointsRaster:
+        """The raster. Raises ConfigError unless it is of points, and of enough of them."""
+        if not isinstance(raster, PointsRaster):
+            raise ConfigError(
+                f"sampling: CorrespondenceScheme, expected a method of points, not of "
+                f"{type(raster).__name__}; choose another method or sampling"
+            )
+        if self.points > raster.count:
+            raise ConfigError(
+                f"sampling.points: {self.points}, expected at most the {raster.count} points of "
+                "a scan, method.raster.count"
+            )
+        return raster
+
     def step(
         self, method: NetworkMethod, loss: CorrespondenceLoss, batch: CorrespondenceBatch
     ) -> Step:
         """Describe the points of both scans, and compare those that lie together."""
-        if not isinstance(method, LocalNetwork):
-            raise ConfigError(
-                f"sampling: CorrespondenceScheme, expected a method with local_points(rasters), "
-                f"such as DH3D, not {method.settings.label}; choose another sampling"
-            )
+        assert isinstance(method, LocalNetwork)
         local = method.local_points(batch.rasters)
         first, second = (LocalPoints(*(part[k] for part in _halves(local))) for k in (0, 1))
         rotation, shift = batch.transforms[:, :3, :3], batch.transforms[:, None, :3, 3]
@@ -117,18 +133,8 @@ class CorrespondenceSet(TrainingSet[CorrespondenceBatch]):
     """Batches of pairs, see `CorrespondenceBatch`."""
 
     def __init__(self, scans: TrainingScans, scheme: CorrespondenceScheme, seed: int) -> None:
-        raster = scans.rasters.raster
-        if not isinstance(raster, PointsRaster):
-            raise ConfigError(
-                f"sampling: CorrespondenceScheme, expected a method of points, not of "
-                f"{type(raster).__name__}; choose another method or sampling"
-            )
-        if scheme.points > raster.count:
-            raise ConfigError(
-                f"sampling.points: {scheme.points}, expected at most the {raster.count} points of "
-                "a scan, method.raster.count"
-            )
-        self.scans, self.scheme, self.seed, self.extent = scans, scheme, seed, raster.extent
+        self.extent = scheme.expect_points(scans.rasters.raster).extent
+        self.scans, self.scheme, self.seed = scans, scheme, seed
         self.near = within(scans.points, scheme.place_radius)
         self.usable = np.arange(len(scans))
         if scheme.partners == "scans":

@@ -6,16 +6,16 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
 from deepring import checks
 from deepring.core.rigid import wrap_angle
 from deepring.errors import ConfigError, DataError
 from deepring.methods.network import NetworkMethod
 from deepring.progress import progress_bar
-from deepring.rasters import RangeNormalRaster
+from deepring.rasters import RangeNormalRaster, Raster
 from deepring.training.pairs.overlap_loss import OverlapAndTurn, OverlapHeads, OverlapPairs
-from deepring.training.scheme import Step, TrainingScheme, TrainingSet
+from deepring.training.scheme import Step, TrainingScheme, TrainingSet, not_served
 from deepring.training.training_scans import TrainingScans, within
 
 #: Scans whose ranges are unpacked at once, and pairs whose overlaps are computed at once.
@@ -52,8 +52,8 @@ class OverlapScheme(TrainingScheme):
     partners: int = 8
     radius: float = 15.0
     bins: int = 10
-    tolerance: float = 1.0
-    around: int = 1
+    tolerance: float = 1.0  # metres by which ranges that overlap differ at most
+    around: int = 1  # cells either way in which a range is looked for
     turned: bool = False
 
     def __post_init__(self) -> None:
@@ -69,13 +69,16 @@ class OverlapScheme(TrainingScheme):
         """Batches of the scans. Raises DataError where no two scans are of one dataset."""
         return OverlapSet(scans, self, seed)
 
+    def expect_method(self, method: NetworkMethod, loss: nn.Module) -> None:  # noqa: ARG002
+        """Raise ConfigError unless the method tells overlaps and turns of range images."""
+        if not isinstance(method, OverlapHeads):
+            expected = "a method with overlap_logits and turn_curves, such as OverlapNet"
+            raise not_served(self, method, expected)
+        _expect_ranges(method.raster)
+
     def step(self, method: NetworkMethod, loss: OverlapAndTurn, batch: OverlapBatch) -> Step:
         """Describe both scans of all pairs at once."""
-        if not isinstance(method, OverlapHeads):
-            raise ConfigError(
-                f"sampling: OverlapScheme, expected a method with overlap_logits and turn_curves, "
-                f"such as OverlapNet, got {type(method).__name__}; choose another sampling"
-            )
+        assert isinstance(method, OverlapHeads)
         first, second = method(batch.rasters).chunk(2)
         logits, curves = method.overlap_logits(first, second), method.turn_curves(first, second)
         return loss(OverlapPairs(logits, curves, batch.overlap, batch.turn))
@@ -85,12 +88,7 @@ class OverlapSet(TrainingSet[OverlapBatch]):
     """Batches of pairs, see `OverlapBatch`."""
 
     def __init__(self, scans: TrainingScans, scheme: OverlapScheme, seed: int) -> None:
-        raster = scans.rasters.raster
-        if not isinstance(raster, RangeNormalRaster):
-            raise ConfigError(
-                f"sampling: OverlapScheme, expected a method that takes a RangeNormalRaster, whose "
-                f"ranges overlap, got a {type(raster).__name__}; choose another sampling"
-            )
+        raster = _expect_ranges(scans.rasters.raster)
         self.scans, self.scheme, self.seed, self.raster = scans, scheme, seed, raster
         self.pairs = drawn_pairs(scans, scheme, np.random.default_rng([seed]))
         self.overlaps = self._overlaps()
@@ -153,3 +151,12 @@ def drawn_pairs(
             "at least two; use more training scans"
         )
     return np.array(pairs, dtype=np.int64)
+
+
+def _expect_ranges(raster: Raster) -> RangeNormalRaster:
+    if not isinstance(raster, RangeNormalRaster):
+        raise ConfigError(
+            "sampling: OverlapScheme, expected a method that takes a RangeNormalRaster, whose "
+            f"ranges overlap, got a {type(raster).__name__}; choose another sampling or method"
+        )
+    return raster

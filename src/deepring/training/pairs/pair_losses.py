@@ -11,6 +11,12 @@ from deepring import checks
 from deepring.errors import ConfigError
 from deepring.training.scheme import Step
 
+#: What is said where nothing tells a match.
+EXPECTED_HEAD = (
+    "expected a method with match_logits(first, second), such as RINet; choose another loss, such "
+    "as contrastive"
+)
+
 
 @runtime_checkable
 class PairHead(Protocol):
@@ -52,6 +58,9 @@ class Contrastive(PairLoss):
 
     Source: Hadsell et al., CVPR 2006, Eq. 4; LocNet (Yin et al., IV 2018). A pair counts as told
     right where d is below half the margin for one place, and above it for two.
+
+    Args:
+        margin: distance of descriptors beyond which two places cost nothing
     """
 
     def __init__(self, margin: float = 12.0) -> None:
@@ -75,6 +84,13 @@ class SoftMatch(PairLoss):
     ``certain`` metres. The loss is the mean cross-entropy of the logits, and ``contrastive`` times
     the mean of y d² + (1 - y) [margin - d]₊². Source: Li et al., RA-L 2022 (lilin-hitcrt/RINet).
     With ``contrastive`` 0 it is the cross-entropy alone.
+
+    Args:
+        middle: metres at which a match is as likely as none
+        width: metres over which it falls
+        certain: metres within which it is certain
+        margin: of the descriptors of two places
+        contrastive: weight of the contrastive loss
     """
 
     def __init__(
@@ -100,10 +116,7 @@ class SoftMatch(PairLoss):
     def forward(self, pairs: PairDescriptors) -> Step:
         """See `PairLoss`; ``parts`` has both terms. Raises ConfigError without logits."""
         if pairs.logits is None:
-            raise ConfigError(
-                "loss: SoftMatch, expected a method with match_logits(first, second), such as "
-                "RINet; choose another loss, such as contrastive"
-            )
+            raise ConfigError(f"loss: SoftMatch, {EXPECTED_HEAD}")
         target = self.targets(pairs.metres)
         match = F.binary_cross_entropy_with_logits(pairs.logits, target)
         apart = contrastive(pair_distances(pairs), target, self.margin).mean()

@@ -9,13 +9,19 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
 from deepring import checks
 from deepring.errors import ConfigError, DataError
 from deepring.methods.network import NetworkMethod
 from deepring.rasters import Raster
-from deepring.training.pairs.pair_losses import PairDescriptors, PairHead, PairLoss
+from deepring.training.pairs.pair_losses import (
+    EXPECTED_HEAD,
+    PairDescriptors,
+    PairHead,
+    PairLoss,
+    SoftMatch,
+)
 from deepring.training.scheme import Step, TrainingScheme, TrainingSet
 from deepring.training.training_scans import TrainingScans, check_radii, within
 
@@ -64,6 +70,19 @@ class PairScheme(TrainingScheme):
     def training_set(self, scans: TrainingScans, seed: int) -> "PairSet":
         """Batches of the scans. Raises DataError where there is no pair of a kind that counts."""
         return PairSet(scans, self, seed)
+
+    def expect_method(self, method: NetworkMethod, loss: nn.Module) -> None:
+        """Raise ConfigError for a loss of a match that the method does not tell, and for scans
+        that are to be turned or hidden and cannot be.
+        """
+        if isinstance(loss, SoftMatch) and not isinstance(method, PairHead):
+            raise ConfigError(
+                f"loss: SoftMatch does not serve {method.settings.label}, {EXPECTED_HEAD}"
+            )
+        if self.turned:
+            method.raster.sectors  # noqa: B018
+        if self.hidden:
+            _expect_sectors(method.raster)
 
     def step(self, method: NetworkMethod, loss: PairLoss, batch: PairBatch) -> Step:
         """Describe both scans of all pairs at once."""

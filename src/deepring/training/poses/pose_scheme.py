@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
 from deepring import checks
 from deepring.core.rigid import pose_from, rotation_from_rpy
@@ -17,8 +17,9 @@ from deepring.data.spacing import path_lengths
 from deepring.errors import ConfigError, DataError
 from deepring.methods.lcdnet.pose_head import Matches
 from deepring.methods.network import NetworkMethod
+from deepring.rasters import Raster
 from deepring.training.poses.pose_losses import PoseLoss, PosePairs
-from deepring.training.scheme import Step, TrainingScheme, TrainingSet
+from deepring.training.scheme import Step, TrainingScheme, TrainingSet, not_served
 from deepring.training.training_scans import TrainingScans, check_radii, within
 
 
@@ -64,7 +65,7 @@ class PoseScheme(TrainingScheme):
 
     loss_type = PoseLoss
 
-    pairs: int = 6
+    pairs: int = 6  # of a batch
     per_epoch: int | None = None
     positive_radius: float = 4.0
     negative_radius: float = 10.0
@@ -93,13 +94,15 @@ class PoseScheme(TrainingScheme):
         """
         return PoseSet(scans, self, seed)
 
+    def expect_method(self, method: NetworkMethod, loss: nn.Module) -> None:  # noqa: ARG002
+        """Raise ConfigError unless the method matches points, and its raster can be moved."""
+        if not isinstance(method, PoseNetwork):
+            raise not_served(self, method, "a method with encode and match, such as LCDNet")
+        _expect_movable(method.raster)
+
     def step(self, method: NetworkMethod, loss: PoseLoss, batch: PoseBatch) -> Step:
         """Describe all scans at once, and match the partners with the first scans."""
-        if not isinstance(method, PoseNetwork):
-            raise ConfigError(
-                f"sampling: PoseScheme, expected a method with encode and match, such as LCDNet, "
-                f"not {method.settings.label}; choose another sampling"
-            )
+        assert isinstance(method, PoseNetwork)
         encoded = method.encode(batch.rasters)
         first, second = (type(encoded)(*(x.chunk(2)[k] for x in encoded)) for k in (0, 1))
         matches = method.match(second, first)
@@ -112,11 +115,7 @@ class PoseSet(TrainingSet[PoseBatch]):
 
     def __init__(self, scans: TrainingScans, scheme: PoseScheme, seed: int) -> None:
         self.scans, self.scheme, self.seed = scans, scheme, seed
-        if not hasattr(scans.rasters.raster, "moved"):
-            raise ConfigError(
-                f"sampling: the method takes a {type(scans.rasters.raster).__name__}, expected "
-                "points that can be moved, as LCDNet takes; choose another sampling"
-            )
+        _expect_movable(scans.rasters.raster)
         if scans.frames is None:
             raise DataError("scans: without frames, expected those of scans whose poses are known")
         self.frames = scans.frames
@@ -174,3 +173,11 @@ class PoseSet(TrainingSet[PoseBatch]):
         ends = np.array([*np.deg2rad([s.tilt, s.tilt, s.turn]), s.shift, s.shift, s.lift])
         roll, pitch, yaw, *shift = rng.uniform(-ends, ends, (number, 6)).T
         return pose_from(rotation_from_rpy(roll, pitch, yaw), np.stack(shift, axis=1))
+
+
+def _expect_movable(raster: Raster) -> None:
+    if not hasattr(raster, "moved"):
+        raise ConfigError(
+            f"sampling: PoseScheme, but the method takes a {type(raster).__name__}, expected "
+            "points that can be moved, as LCDNet takes; choose another sampling or method"
+        )

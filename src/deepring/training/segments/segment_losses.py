@@ -26,6 +26,9 @@ class SegmentLoss(nn.Module, ABC):
     def forward(self, features: Tensor, voxels: Tensor, identity: Tensor) -> Step:
         """Loss of features (n, feature), voxels (n, x, y, z) of 0 and 1 and identities (n,)."""
 
+    def expect(self, features: Tensor, voxels: Tensor) -> None:
+        """Raise ConfigError for features and voxels of sizes that it does not take; here none."""
+
 
 class SegmentIdentity(SegmentLoss):
     """Cross-entropy over identities, and of the voxels that the features are drawn again as.
@@ -71,7 +74,7 @@ class SegmentIdentity(SegmentLoss):
 
     def forward(self, features: Tensor, voxels: Tensor, identity: Tensor) -> Step:
         """See `SegmentLoss`; ``parts`` has both terms. Raises ConfigError for other sizes."""
-        self._expect(features, voxels)
+        self.expect(features, voxels)
         logits = self.classes(features)
         told = F.cross_entropy(logits, identity)
         x, drawn = voxels.to(features.dtype), self.decoder(features)[:, 0]
@@ -81,7 +84,8 @@ class SegmentIdentity(SegmentLoss):
         parts = {"identity": told.detach(), "voxels": seen.detach()}
         return Step(told + self.reconstruction * seen, right, parts)
 
-    def _expect(self, features: Tensor, voxels: Tensor) -> None:
+    def expect(self, features: Tensor, voxels: Tensor) -> None:
+        """See `SegmentLoss`: features and voxels of the heads' sizes."""
         if features.shape[1] != self.feature:
             raise ConfigError(
                 f"loss.feature: {self.feature}, expected method.feature={features.shape[1]}"

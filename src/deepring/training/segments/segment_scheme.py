@@ -15,10 +15,10 @@ from torch import Tensor, nn
 
 from deepring import checks
 from deepring.errors import ConfigError, DataError
-from deepring.methods.network import NetworkMethod
-from deepring.rasters import SegmentsRaster
+from deepring.methods.network import NetworkMethod, evaluating
+from deepring.rasters import Raster, SegmentsRaster
 from deepring.rasters.segments import unpack_voxels
-from deepring.training.scheme import Step, TrainingScheme, TrainingSet
+from deepring.training.scheme import Step, TrainingScheme, TrainingSet, not_served
 from deepring.training.segments.identities import in_world, segment_identities
 from deepring.training.segments.segment_augmentation import SegmentAugmentation
 from deepring.training.segments.segment_losses import SegmentLoss
@@ -63,7 +63,7 @@ class SegmentScheme(TrainingScheme):
 
     loss_type = SegmentLoss
 
-    size: int = 64
+    size: int = 64  # segments of a batch
     per_epoch: int | None = None
     radius: float = 1.0
     views: int = 2
@@ -91,6 +91,16 @@ class SegmentScheme(TrainingScheme):
                 f"sampling.identities={self.identities}"
             )
 
+    def expect_method(self, method: NetworkMethod, loss: nn.Module) -> None:
+        """Raise ConfigError unless the method describes segments of the loss's sizes."""
+        if not isinstance(method, SegmentDescriber):
+            expected = "a method with segment_features(voxels, extents), such as Locus"
+            raise not_served(self, method, expected)
+        assert isinstance(loss, SegmentLoss)
+        voxels = torch.zeros(1, *_expect_segments(method.raster).cells, dtype=torch.uint8)
+        with evaluating(method), torch.no_grad():
+            loss.expect(method.segment_features(voxels, torch.ones(1, 3)), voxels)
+
     def training_set(self, scans: TrainingScans, seed: int) -> "SegmentSet":
         """Batches of the scans' segments.
 
@@ -100,11 +110,7 @@ class SegmentScheme(TrainingScheme):
 
     def step(self, method: NetworkMethod, loss: SegmentLoss, batch: SegmentBatch) -> Step:
         """Describe the segments, and tell what they are of."""
-        if not isinstance(method, SegmentDescriber):
-            raise ConfigError(
-                f"sampling: SegmentScheme, but {type(method).__name__} describes no segments; "
-                "expected a method with segment_features(voxels, extents), such as Locus"
-            )
+        assert isinstance(method, SegmentDescriber)
         features = method.segment_features(batch.voxels, batch.extents)
         return loss(features, batch.voxels, batch.identity)
 
@@ -114,13 +120,7 @@ class SegmentSet(TrainingSet[SegmentBatch]):
 
     def __init__(self, scans: TrainingScans, scheme: SegmentScheme, seed: int) -> None:
         self.scans, self.scheme, self.seed = scans, scheme, seed
-        raster = scans.rasters.raster
-        if not isinstance(raster, SegmentsRaster):
-            raise ConfigError(
-                f"sampling: SegmentScheme, but the method takes a {type(raster).__name__}, "
-                "expected a SegmentsRaster; choose another sampling, or method=locus"
-            )
-        self.raster = raster
+        self.raster = raster = _expect_segments(scans.rasters.raster)
         self.change = SegmentAugmentation(
             scheme.turned, scheme.dropped, scheme.cut, raster.smallest_voxel
         )
@@ -188,3 +188,12 @@ class SegmentSet(TrainingSet[SegmentBatch]):
         seen = np.bincount(identity[identity >= 0], minlength=1)[identity] >= self.scheme.views
         learned = seen & (identity >= 0) & (identity < self.scheme.identities)
         return scan[learned], row[learned], identity[learned]
+
+
+def _expect_segments(raster: Raster) -> SegmentsRaster:
+    if not isinstance(raster, SegmentsRaster):
+        raise ConfigError(
+            f"sampling: SegmentScheme, but the method takes a {type(raster).__name__}, "
+            "expected a SegmentsRaster; choose another sampling, or method=locus"
+        )
+    return raster

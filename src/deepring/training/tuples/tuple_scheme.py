@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
 from deepring.checks import count
 from deepring.errors import ConfigError, DataError
@@ -47,9 +47,9 @@ class TupleScheme(TrainingScheme):
 
     loss_type = TupleLoss
 
-    per_batch: int = 2
-    positives: int = 2
-    negatives: int = 18
+    per_batch: int = 2  # tuples of a batch
+    positives: int = 2  # of a tuple
+    negatives: int = 18  # of a tuple
     per_epoch: int | None = None
     positive_radius: float = 10.0
     negative_radius: float = 50.0
@@ -74,6 +74,11 @@ class TupleScheme(TrainingScheme):
     def training_set(self, scans: TrainingScans, seed: int) -> "TupleSet":
         """Tuples of the scans. Raises DataError if no scan has enough positives and negatives."""
         return TupleSet(scans, self, seed)
+
+    def expect_method(self, method: NetworkMethod, loss: nn.Module) -> None:  # noqa: ARG002
+        """Raise ConfigError for scans that are to be turned and cannot be."""
+        if self.turned:
+            method.raster.sectors  # noqa: B018
 
     def step(self, method: NetworkMethod, loss: TupleLoss, batch: TupleBatch) -> Step:
         """Describe all scans of the tuples at once."""
