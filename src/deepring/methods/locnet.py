@@ -47,8 +47,8 @@ class LocNet(VectorNetwork):
                 f"locnet.channels: {list(settings.channels)}, expected two numbers, one for each "
                 "convolution"
             )
-        first, second = (checks.count("locnet.channels", n) for n in settings.channels)
-        dimension = checks.count("locnet.dimension", settings.dimension)
+        first, second = (checks.count("locnet.channels", n, most=8192) for n in settings.channels)
+        dimension = checks.count("locnet.dimension", settings.dimension, most=8192)
         rows, buckets = (_pooled(_pooled(length)) for length in self.raster.shape)
         if rows < 1 or buckets < 1:
             raise ConfigError(

@@ -73,9 +73,9 @@ class Dh3d(VectorNetwork):
         settings = s = Dh3dSettings() if settings is None else settings
         super().__init__(settings, PointsRaster)
         for name in ("neighbours", "thinning", "stem", "first", "second", "local", "features"):
-            checks.count(f"dh3d.{name}", getattr(s, name))
+            checks.count(f"dh3d.{name}", getattr(s, name), most=8192)
         for name in ("attention", "keypoints"):
-            checks.count(f"dh3d.{name}", getattr(s, name))
+            checks.count(f"dh3d.{name}", getattr(s, name), most=8192)
         checks.count("dh3d.agreeing", s.agreeing, 3)
         checks.at_least("dh3d.apart", s.apart, 0, "metres")
         checks.positive("dh3d.reach", s.reach, "metres")

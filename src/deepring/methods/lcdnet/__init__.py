@@ -83,7 +83,7 @@ class LcdNet(VectorNetwork):
             for (inputs, width), (radii, samples) in zip(channels, _BALLS, strict=True)
         )
         seen = self.backbone.layers * settings.widths[4] + 2 * sum(w for _, w in channels)
-        features = checks.count("lcdnet.features", settings.features)
+        features = checks.count("lcdnet.features", settings.features, most=8192)
         self.fusion = nn.Sequential(
             nn.Linear(seen, features, bias=False), nn.BatchNorm1d(features), nn.ReLU()
         )

@@ -65,7 +65,7 @@ class RINet(NetworkMethod):
                 f"rinet.steps: {steps}, expected numbers whose product {math.prod(steps)} divides "
                 f"the {sectors} sectors of the raster, and leaves 2 or more"
             )
-        hidden = checks.count("rinet.hidden", settings.hidden)
+        hidden = checks.count("rinet.hidden", settings.hidden, most=8192)
         gates = checks.of_type("rinet.gates", settings.gates, bool)
         self.describer = Describer(channels, widths, steps, gates)
         self.head = MatchHead(sum(widths), hidden)
