@@ -16,7 +16,7 @@ space := $(nothing) $(nothing)
 SWEEP := seed=$(subst $(space),$(comma),$(strip $(SEEDS))) hydra/launcher=joblib
 
 .PHONY: help install demo ablations compare worlds weights test test-slow docs docs-test kill fuzz lint \
-  coverage mutation hooks bench peers clean
+  coverage mutation hooks bench peers release-check clean
 
 help:
 	@echo "make demo       simulate, train, evaluate, print the results (SEED=0)"
@@ -36,6 +36,7 @@ help:
 	@echo "make hooks      run make lint's checks before every commit (pre-commit)"
 	@echo "make bench      all stages beside the usual routes, to outputs/bench (BENCH='--most 1000000')"
 	@echo "make peers      beside map-closures, kiss-matcher and small_gicp, to outputs/peers (PEERS='kitti=FOLDER')"
+	@echo "make release-check  wheel and sdist, each Python, lowest versions, each extra (CHECK=--help)"
 	@echo "make clean      remove .venv and caches; outputs/ stays"
 
 install: $(INSTALLED)
@@ -155,6 +156,19 @@ $(PEERS_INSTALLED): pyproject.toml constraints.txt
 peers: $(PEERS_INSTALLED)
 	OMP_NUM_THREADS=1 $(PEERS_VENV)/bin/python benchmarks/peers.py $(PEERS)
 
+# CHECK takes options, such as --pythons 3.11 --parts lowest; python -m release --help lists them.
+CHECK ?=
+RELEASE_VENV := .venv-release
+
+$(RELEASE_VENV)/.installed: Makefile
+	$(PYTHON) -m venv $(RELEASE_VENV)
+	$(RELEASE_VENV)/bin/python -m pip install --quiet --disable-pip-version-check \
+	  'build>=1.2' 'hatchling>=1.25' 'twine>=6' 'cffconvert>=2' 'packaging>=23'
+	@touch $@
+
+release-check: $(RELEASE_VENV)/.installed
+	$(RELEASE_VENV)/bin/python -m release $(CHECK)
+
 clean:
-	rm -rf $(VENV) $(PEERS_VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache \
+	rm -rf $(VENV) $(PEERS_VENV) $(RELEASE_VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache \
 	  .coverage* htmlcov mutants

@@ -63,7 +63,7 @@ def rows_of(
     for name, value in {**node, **missing}.items():
         path = f"{key}.{name}" if key else name
         about = described.get(name, Parameter("", None, ""))
-        note = notes.get(path) or about.comment or ("the class" if name == "_target_" else "")
+        note = notes.get(path) or about.comment or _usual(path)
         if isinstance(value, Mapping) and value:
             inner = _described(value, about.default)
             rows += [[code(path), "", "", cell(note)]] if note else []
@@ -72,6 +72,21 @@ def rows_of(
             kind = about.type or type(value).__name__.replace("NoneType", "")
             rows.append([code(path), code(_yaml(value)), code(kind), cell(note)])
     return rows
+
+
+#: What keys of these names are wherever they stand.
+_USUAL = {
+    r".*\b_target_": "the class",
+    r"methods?\.(?:\w+\.)?label": "the method's name in tables",
+    r"methods?\.(?:\w+\.)?note": "how it differs from what was published, below tables",
+    r".*\braster\.kind": "the class of the raster",
+    r".*\braster\.preprocessing": "which points count; mostly as the group `preprocessing` says",
+    r"paths\.roots\.\w+": "the folder of downloads of this reader",
+}
+
+
+def _usual(path: str) -> str:
+    return next((text for key, text in _USUAL.items() if re.fullmatch(key, path)), "")
 
 
 #: Nodes of other libraries' classes: the keys that the package states are listed, not all theirs.

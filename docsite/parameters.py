@@ -6,6 +6,7 @@ import inspect
 import re
 import textwrap
 import tokenize
+from functools import cache
 from io import StringIO
 from typing import Any, NamedTuple
 
@@ -32,7 +33,11 @@ def parameters(target: Any) -> dict[str, Parameter]:
     comments = _comments(target)
     kinds = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
     return {
-        name: Parameter(_words(each.annotation), _default(target, each), comments.get(name, ""))
+        name: Parameter(
+            _words(each.annotation),
+            _default(target, each),
+            comments.get(name) or _in_prose(target, name),
+        )
         for name, each in signature.parameters.items()
         if each.kind not in kinds
     }
@@ -61,23 +66,54 @@ def comments_in(source: str) -> dict[str, str]:
 
 
 def arguments_in(docstring: str) -> dict[str, str]:
-    """The entries of the part ``Args:`` of a docstring, by name."""
+    """The entries of the part ``Args:`` of a docstring, by name; one may be of several names."""
     part = re.search(r"^Args:\n((?:    .*\n?|\n)+)", docstring, re.MULTILINE)
     if part is None:
         return {}
-    entries = re.findall(r"^(\w+): (.*(?:\n +.*)*)", textwrap.dedent(part[1]), re.MULTILINE)
-    return {name: " ".join(text.split()) for name, text in entries}
+    entries = re.findall(
+        r"^(\w+(?:, \w+)*): (.*(?:\n +.*)*)", textwrap.dedent(part[1]), re.MULTILINE
+    )
+    return {name: " ".join(text.split()) for names, text in entries for name in names.split(", ")}
+
+
+def sentences_about(docstring: str, name: str) -> str:
+    """The sentences of a docstring that say something of the argument ``name``, at most two.
+
+    Examples, and the parts for arguments and errors, do not count.
+    """
+    prose = re.split(r"\n *(?:Args|Raises|Returns):|\n+ *>>>", docstring)[0]
+    found = []
+    for paragraph in re.split(r"\n\s*\n", prose):
+        sentences = re.split(r"(?<=[a-z0-9)\]`]\.)\s+(?=[A-Z])", " ".join(paragraph.split()))
+        found += [sentence for sentence in sentences if f"``{name}``" in sentence]
+    return " ".join(found[:2])
+
+
+def _in_prose(target: Any, name: str) -> str:
+    """What the docstring of a class, or else of a base of it, says of an argument."""
+    for cls in inspect.getmro(target) if inspect.isclass(target) else (target,):
+        if cls.__module__.partition(".")[0] in _FOREIGN:
+            continue
+        if text := sentences_about(cls.__doc__ or "", name):
+            return text
+    return ""
 
 
 def _comments(target: Any) -> dict[str, str]:
     notes: dict[str, str] = {}
     for cls in reversed(inspect.getmro(target) if inspect.isclass(target) else (target,)):
-        if cls.__module__.partition(".")[0] in _FOREIGN:
-            continue
-        notes |= arguments_in(inspect.getdoc(cls) or "")
-        if inspect.isclass(cls):
-            notes |= arguments_in(inspect.getdoc(cls.__init__) or "")
-            notes |= comments_in(textwrap.dedent(inspect.getsource(cls)))
+        if cls.__module__.partition(".")[0] not in _FOREIGN:
+            notes |= _own_comments(cls)
+    return notes
+
+
+@cache
+def _own_comments(cls: Any) -> dict[str, str]:
+    """What a class itself, or a function, says of its arguments."""
+    notes = arguments_in(inspect.getdoc(cls) or "")
+    if inspect.isclass(cls):
+        notes |= arguments_in(inspect.getdoc(cls.__init__) or "")
+        notes |= comments_in(textwrap.dedent(inspect.getsource(cls)))
     return notes
 
 

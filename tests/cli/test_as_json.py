@@ -40,6 +40,13 @@ def evaluated(tiny_nclt, there):
     return there("results", "evaluate", *options, *RING)
 
 
+@pytest.fixture(scope="module")
+def mapped(tiny_nclt, there):
+    """A map of one drive with its points, ``a.map``, as it was told."""
+    drive = (tiny_nclt, "--session", "2031-02-04", "--spacing", 20, "--points")
+    return there("map", "map", "build", *drive, "-o", "a.map")
+
+
 def test_an_evaluation_prints_the_rows_of_its_file(evaluated, there):
     rows = read_results(there.folder / evaluated["run"] / "results.csv")
     assert evaluated["results"] == [result_values(row) for row in rows]
@@ -66,12 +73,10 @@ def test_scores_tables_and_reports_follow_from_the_run(evaluated, there):
     assert there("written", "report", run)["written"] == [f"{run}/report.html"]
 
 
-def test_what_the_commands_print_fits_80_columns(evaluated, tiny_nclt, there):
+def test_what_the_commands_print_fits_80_columns(evaluated, mapped, tiny_nclt, there):
     run = evaluated["run"]
-    drive = (tiny_nclt, "--session", "2031-02-04", "--spacing", 20, "--points")
-    there("map", "map", "build", *drive, "-o", "wide.map")
     scans = sorted((tiny_nclt / "2031-03-17" / "velodyne_sync").glob("*.bin"))[:2]
-    located = ("localize", "wide.map", *scans, "--format", "nclt")
+    located = ("localize", mapped["map"], *scans, "--format", "nclt")
     shown = {
         "R@1%": ("score", run),
         "Recall@1": ("tables", run),
@@ -112,9 +117,8 @@ def test_a_comparison_prints_its_jobs_and_tables_as_one_object(tiny_nclt, there)
     assert compared["tables"]["numbers"][0]["rows"][0]["method"] == "RING"
 
 
-def test_maps_are_told_as_they_are(tiny_nclt, there):
-    drive = (tiny_nclt, "--session", "2031-02-04", "--spacing", 20)
-    built = there("map", "map", "build", *drive, "-o", "a.map")
+def test_maps_are_told_as_they_are(mapped, tiny_nclt, there):
+    built = mapped
     place_map = Map.open(there.folder / "a.map")
     assert (built["places"], built["left_out"]) == (len(place_map), [])
     assert built["bytes"] == (there.folder / "a.map").stat().st_size
@@ -132,15 +136,13 @@ def test_maps_are_told_as_they_are(tiny_nclt, there):
     assert calibrated["calibration"]["scans"] > 0
 
 
-def test_scans_are_located_as_one_object_or_as_a_line_each(tiny_nclt, there):
+def test_scans_are_located_as_one_object_or_as_a_line_each(mapped, tiny_nclt, there):
     folder = there.folder / "scans"
     folder.mkdir()
-    drive = (tiny_nclt, "--session", "2031-02-04", "--spacing", 100)
-    there("map", "map", "build", *drive, "-o", "few.map")
     found = sorted((tiny_nclt / "2031-02-04" / "velodyne_sync").glob("*.bin"))
     for scan in found[:2]:
         (folder / scan.name).write_bytes(scan.read_bytes())
-    command = ("localize", "few.map", "scans", "--format", "nclt")
+    command = ("localize", mapped["map"], "scans", "--format", "nclt")
     located = there("locations", *command)
     assert (len(located["scans"]), located["failures"]) == (2, [])
     lines = deepring(*command, "--as", "jsonl", cwd=there.folder).stdout.splitlines()
@@ -155,7 +157,7 @@ def test_scans_are_located_as_one_object_or_as_a_line_each(tiny_nclt, there):
 
 
 def test_loops_print_what_they_write(tiny_nclt, there):
-    drive = (tiny_nclt, "--session", "2031-02-04", "--spacing", 20)
+    drive = (tiny_nclt, "--session", "2031-02-04", "--spacing", 40)
     printed = there("loops", "loops", *drive, "-o", "drive")
     kept = json.loads((there.folder / "drive.json").read_text())
     expect_valid("loops", kept)

@@ -62,6 +62,8 @@ def test_scans_are_located_as_a_table_json_and_csv(place_map, second, tmp_path, 
     shown = deepring("localize", place_map, *names, "--format", "nclt", cwd=tmp_path)
     assert shown.returncode == 0, shown.stderr
     assert "trusted" in shown.stdout
+    stems = [second.files[k].stem for k in (0, 3)]  # with endings, long names are too wide
+    assert [line.split()[0] for line in shown.stdout.splitlines()] == ["scan", *stems]
     options = ["--format", "nclt", "--as"]
     lines = here("localize", place_map, *names, *options, "jsonl").stdout
     rows = [json.loads(line) for line in lines.splitlines()]

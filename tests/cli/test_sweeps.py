@@ -59,7 +59,7 @@ def rates(sweep):
 
 
 def wait_for(path, process):
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 300
     while not path.is_file():
         assert process.poll() is None, process.communicate()[0]
         assert time.monotonic() < deadline

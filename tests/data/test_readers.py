@@ -190,6 +190,12 @@ def test_folders_that_are_nothing_or_too_much(tmp_path):
         detect_format(tmp_path / "file")
 
 
+def test_a_link_that_cannot_be_followed_is_no_folder(tmp_path):
+    (tmp_path / "link").symlink_to("x" * 300)  # too long a name for the system
+    with pytest.raises(DeepringError, match=rf"{tmp_path}"):
+        detect_format(tmp_path)
+
+
 def test_an_unknown_format_is_refused(tmp_path):
     with pytest.raises(DeepringError, match=r"format: 'oxford', expected one of custom, .*nclt"):
         open_session("oxford", tmp_path)

@@ -4,21 +4,24 @@ import argparse
 import dataclasses
 import re
 from dataclasses import dataclass
+from importlib import import_module
 
 import pytest
 from docsite.api_pages import api_pages
 from docsite.command_pages import command_pages, options, subparsers
 from docsite.config_files import comments_of, head_of
-from docsite.config_pages import rows_of
+from docsite.config_pages import config_pages, rows_of
 from docsite.equations import with_mathml
 from docsite.markdown import fenced
-from docsite.parameters import arguments_in, comments_in, parameters
+from docsite.parameters import arguments_in, comments_in, parameters, sentences_about
 from docsite.sources import with_sources
 
 import deepring
 from deepring.cli.commands import COMMANDS, command_line
 from deepring.data.dataset import DatasetConfig
 from deepring.experiment.config_groups import config_folder, group_options
+from deepring.methods.registry import packaged_methods
+from deepring.rasters import RASTERS
 from deepring.simulation.settings import SimulationSettings
 
 
@@ -137,6 +140,63 @@ def test_all_keys_of_the_schema_and_all_knobs_are_found():
     assert set(parameters(DatasetConfig)) == {f.name for f in dataclasses.fields(DatasetConfig)}
     knobs = parameters(SimulationSettings)
     assert knobs["seed"].comment == "drives, parked cars, moving objects, noise"
+
+
+def classes_with_keys():
+    """The classes whose arguments are keys of the config, by the files of conf/ that name them."""
+    texts = [file.read_text(encoding="utf-8") for file in config_folder().rglob("*.yaml")]
+    named = set(re.findall(r"_target_: (deepring\.[\w.]+)", "\n".join(texts)))
+    methods = map(named_class, packaged_methods().values())
+    yield from (getattr(method, "settings_class", method) for method in methods)
+    yield from RASTERS.values()
+    # Those of Lightning's own classes are theirs to say; those that conf/ gives have comments.
+    own = map(named_class, sorted(named))
+    yield from (cls for cls in own if not of_lightning(cls))
+
+
+def of_lightning(cls):
+    return any(base.__module__.startswith("lightning.") for base in getattr(cls, "__mro__", ()))
+
+
+def named_class(path):
+    module, _, name = path.rpartition(".")
+    return getattr(import_module(module), name)
+
+
+def test_every_argument_that_is_a_key_says_what_it_is():
+    silent = [
+        f"{cls.__module__}.{cls.__qualname__}.{name}"
+        for cls in classes_with_keys()
+        for name, each in parameters(cls).items()
+        if not each.comment and name not in ("raster", "preprocessing")
+    ]
+    assert silent == []
+
+
+@pytest.mark.docs
+def test_every_key_of_the_pages_says_what_it_is():
+    rows = [
+        (path, line)
+        for path, page in config_pages().items()
+        for line in page.splitlines()
+        if re.match(r"\| `[a-z_]", line)
+    ]
+    assert len(rows) > 1000
+    assert [row for row in rows if re.search(r"(?<!\\)\|\s*\|$", row[1])] == []
+
+
+def test_what_a_docstring_says_in_prose_of_an_argument_is_found():
+    text = """Cells.
+
+    Cells are ``width`` metres across, with a
+    ``grid`` below. Nothing else. The ``width`` matters. And the ``width`` again.
+
+    >>> f("``grid``.")
+    """
+    assert sentences_about(text, "width") == (
+        "Cells are ``width`` metres across, with a ``grid`` below. The ``width`` matters."
+    )
+    assert sentences_about(text, "height") == ""
 
 
 def test_a_doctest_in_a_docstring_becomes_a_block():

@@ -165,10 +165,19 @@ def test_a_radius_without_results_is_refused_and_another_is_shown(run):
     with pytest.raises(DeepringError, match="radius: 7 m, expected one of 5, 10, 15, 20, 25"):
         report(run, radius=7.0)
     text = report(run, 0, radius=5.0, over="all")
-    result = next(r for r in read_results(run / "results.csv") if r.radius_m == 5)
+    results = read_results(run / "results.csv")
+    result = next(r for r in results if r.radius_m == 5)
     share = result.recall_1 * result.answerable / result.queries
     assert f"{round(share * result.queries)} of the {result.queries} queries: " in text
     assert "right within 5 m" in text
+
+
+def test_a_run_without_results_at_its_first_radius_is_named(run, tmp_path):
+    results = [r for r in read_results(run / "results.csv") if r.radius_m != 10]
+    write_results(tmp_path / "results.csv", results)
+    shutil.copy(run / "config.yaml", tmp_path)
+    with pytest.raises(DeepringError, match=rf"{tmp_path}/results\.csv: no result within 10 m"):
+        report(tmp_path)
 
 
 def test_a_config_of_other_types_is_named(run, tmp_path):

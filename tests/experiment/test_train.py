@@ -141,7 +141,9 @@ def test_tensorboard_holds_scalars_figures_curves_and_hyperparameters(small_run)
     tags = {kind: set(tags[kind]) for kind in ("scalars", "images", "tensors")}
     assert {"train/loss", "train/accuracy", "train/W", "val/sim_nclt/recall@1"} <= tags["scalars"]
     assert "test/sim_nclt/test/recall@1/DeepRING" in tags["scalars"]
-    assert {"pr_curves", "hits_RING"} <= tags["images"]
+    assert {"curves/pr_curves", "hits/RING"} <= tags["images"]
+    assert {"train/lr", "train/epoch"} <= tags["scalars"]
+    assert "epoch" not in tags["scalars"]
     assert "test/sim_nclt/test/DeepRING" in tags["tensors"]
     assert "hp_metric" not in tags["scalars"]
 

@@ -30,7 +30,7 @@ from deepring.data.recording import recorded_session, scan_of_file
 from deepring.data.scans.bag_files import bag_scans, is_bag
 from deepring.data.scans.names import ending_of
 from deepring.data.scans.point_times import TimedPoints
-from deepring.data.scans.scan_files import read_scan, scan_files
+from deepring.data.scans.scan_files import SCANS, read_scan, scan_files
 from deepring.errors import ConfigError, DeepringError
 from deepring.localization.location import Location
 from deepring.localization.map import Map
@@ -184,21 +184,37 @@ def print_table(rows: Sequence[Row]) -> None:
     """Print a table."""
     refined = any("refined" in row for row in rows)
     found = TABLE if refined else ("x m", "y m", "yaw °", "fit", "ratio")
-    table = Table(box=None, header_style="bold")
+    table = Table(box=None, pad_edge=False, header_style="bold")
     for name in ("scan", *found, "trusted", "found by"):
         if name in ("scan", "found by"):  # names give way on narrow terminals, numbers do not
             table.add_column(name, overflow="fold")
         else:
             table.add_column(Text(name), justify="right", no_wrap=name != "trusted")
-    for row in rows:
-        name = printable(Path(row["scan"]).name)
+    scans, places = _short([_scan_name(row) for row in rows]), _short([row["name"] for row in rows])
+    for row, scan, place in zip(rows, scans, places, strict=True):
         table.add_row(
-            name if row["stamp"] is None else f"{name} {row['stamp']}",
+            printable(scan),
             *map(Text, table_cells(row["refined"]) if refined else _location_cells(row)),
             _trust(row),
-            printable(row["name"]),
+            printable(place),
         )
+    endless = console.options.update(width=1000)
+    if console.measure(table, options=endless).maximum > console.width:
+        table.padding = (0, 1, 0, 0)  # before long names are broken
     console.print(table)
+
+
+def _scan_name(row: Row) -> str:
+    """The name of the file, and in a bag, which has many scans, the stamp."""
+    file = Path(row["scan"])
+    return f"{file.name} {row['stamp']}" if is_bag(file) else file.name
+
+
+def _short(names: Sequence[str]) -> list[str]:
+    """Names of files without their ending, where all have the same one."""
+    endings = {ending_of(Path(name)) for name in names}
+    cut = len(endings) == 1 and endings <= set(SCANS)
+    return [name[: -len(*endings)] if cut else name for name in names]
 
 
 def _location_cells(row: Row) -> list[str]:

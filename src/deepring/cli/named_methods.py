@@ -88,7 +88,7 @@ def _expect_columns(name: str, needed: Sequence[str], columns: Sequence[str]) ->
     if missing:
         raise ConfigError(
             f"methods: {name} needs points with {missing[0]}s, which these scans lack; leave it "
-            "out, or name a dataset that has them (docs/datasets.md)"
+            "out, or name a dataset that has them (docs: Downloads of datasets)"
         )
 
 

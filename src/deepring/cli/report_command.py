@@ -1,6 +1,7 @@
 """`deepring report`: a run, a sweep or a comparison as one HTML page."""
 
 import argparse
+import logging
 
 from deepring.checks import one_of
 from deepring.cli.console import console
@@ -9,6 +10,11 @@ from deepring.cli.options import expect_new, expect_writable
 from deepring.evaluation.metrics import Over
 from deepring.experiment.report import report
 from deepring.io.files import write_whole
+
+log = logging.getLogger(__name__)
+
+#: Bytes above which a page is called large.
+LARGE = 5_000_000
 
 
 def report_command(args: argparse.Namespace) -> None:
@@ -19,5 +25,8 @@ def report_command(args: argparse.Namespace) -> None:
     expect_writable(path)
     over = None if args.over is None else one_of("over", args.over, Over)
     page = report(args.folder, args.pictures, args.radius, over, mix=args.mix, beside=path.parent)
-    write_whole(path, [page.encode("utf-8", "backslashreplace")])
+    content = page.encode("utf-8", "backslashreplace")
+    write_whole(path, [content])
+    if len(content) > LARGE:
+        log.warning("%s: %.1f MB; fewer --pictures make it smaller", path, len(content) / 1e6)
     show_written(args, [path], lambda: console.print(f"written      {path}"))

@@ -103,7 +103,8 @@ class Session:
                 many = name[:-1] + "ies" if name.endswith("y") else f"{name}s"
                 raise DataError(
                     f"session {self.name}: its points have no {many}{where}, expected a dataset "
-                    "whose points have them, or a method that needs none (docs/datasets.md)"
+                    "whose points have them, or a method that needs none (docs: Downloads of "
+                    "datasets)"
                 )
 
     def _column(self, name: str, file: Path, count: int) -> NDArray[np.float32]:

@@ -21,6 +21,7 @@ from deepring.diagnosis.packages import Packages, find_packages
 from deepring.diagnosis.timings import Timing, measure
 from deepring.diagnosis.trouble import Trouble
 from deepring.errors import DeepringError
+from deepring.progress import Progress
 
 
 @dataclass(frozen=True)
@@ -48,14 +49,16 @@ class Diagnosis:
         return not any(trouble.fails for trouble in self.troubles)
 
 
-def diagnose(cache: Path) -> Diagnosis:
+def diagnose(cache: Path, progress: Progress) -> Diagnosis:
     """Look at the installation and the machine; ``cache`` is the folder of the raster cache.
+
+    ``progress`` is told how many steps of the commands are measured.
 
     Takes some seconds, as the steps of the commands are measured. Nothing is written but what those
     steps write themselves: compiled loops.
     """
     packages, processor = find_packages(), find_processor()
-    timings, failures = _timings()
+    timings, failures = _timings(progress)
     threads, memory, gpu = find_threads(), find_memory(), find_gpu()
     folders = find_folders(cache)
     troubles = [*packages.troubles(), *failures, *processor.troubles()]
@@ -79,10 +82,10 @@ def diagnose(cache: Path) -> Diagnosis:
     )
 
 
-def _timings() -> tuple[list[Timing], list[Trouble]]:
+def _timings(progress: Progress) -> tuple[list[Timing], list[Trouble]]:
     """The times of the steps, or why they cannot be done, whatever the cause."""
     try:
-        return measure(), []
+        return measure(progress), []
     except DeepringError as error:
         return [], [Trouble("network", str(error), "install deepring again", fails=True)]
     except Exception as error:

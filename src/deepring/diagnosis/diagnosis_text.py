@@ -21,7 +21,9 @@ _WIDTH, _NAMES = 80, 20
 
 
 def as_text(diagnosis: Diagnosis, hide: Hide) -> str:
-    """Lines of names and values, at most 80 characters wide, what is wrong or slow at the end.
+    """Lines of names and values, at most 80 characters wide but for long paths, which stay whole.
+
+    What is wrong or slow stands at the end.
 
     ``hide`` takes out of a text what is not to be told.
     """
@@ -141,4 +143,10 @@ def _hanging(name: str, value: str) -> list[str]:
 
 
 def _wrapped(text: str, indent: str) -> list[str]:
-    return wrap(text, _WIDTH, subsequent_indent=indent, break_on_hyphens=False) or [text]
+    return wrap(
+        text,
+        _WIDTH,
+        subsequent_indent=indent,
+        break_on_hyphens=False,
+        break_long_words=False,  # a path in a bug report is copied
+    ) or [text]

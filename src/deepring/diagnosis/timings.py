@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deepring.diagnosis.trouble import Trouble
+from deepring.progress import Progress
 
 #: How many times as long as stated is slow.
 SLOW = 3.0
@@ -33,8 +34,9 @@ class Timing:
     milliseconds: float
     stated: float
     """What the docs state."""
-    first: float
-    """Processor time of the first run, with loading or compiling its loops, milliseconds."""
+    first: float | None
+    """Processor time of the first run, with loading or compiling its loops, milliseconds; None for
+    a step without loops."""
 
     def troubles(self) -> Iterator[Trouble]:
         """A step that is slow."""
@@ -51,7 +53,7 @@ class Timing:
                 "docs",
                 advice,
             )
-        if self.first > 1e3 * _LOADED:
+        if self.first is not None and self.first > 1e3 * _LOADED:
             yield Trouble(
                 "timings",
                 f"{self.step}: {self.first / 1e3:.1f} s the first time, as loops were compiled",
@@ -70,16 +72,18 @@ def time_text(milliseconds: float) -> str:
     return f"{milliseconds:.0f} ms" if milliseconds >= 10 else f"{milliseconds:.2g} ms"
 
 
-def measure() -> list[Timing]:
+def measure(progress: Progress) -> list[Timing]:
     """Import torch and measure each step: the least of several runs, some two seconds in all.
 
-    Raises whatever the steps raise.
+    Where loops are not compiled yet, that is done first, and takes up to half a minute. Raises
+    whatever the steps raise.
     """
     start = time.perf_counter()
     import torch
 
     imported = 1e3 * (time.perf_counter() - start)
-    timings = [Timing("import torch", imported, STATED["import torch"], imported)]
+    timings = [Timing("import torch", imported, STATED["import torch"], None)]
+    progress(1, len(STATED))
     from deepring.core.radon import radon
     from deepring.methods.network_file import shipped_network
     from deepring.rasters import BevRaster
@@ -90,14 +94,17 @@ def measure() -> list[Timing]:
     timings.append(
         _timed("scan to sinogram", lambda: radon(torch.from_numpy(raster(points, 0.0))[None]))
     )
+    progress(2, len(STATED))
     network = shipped_network().method
     image = torch.from_numpy(network.raster(points, 0.0))[None]
     timings.append(_timed("describe a scan", lambda: network.describe(image)))
+    progress(3, len(STATED))
     one = network.describe(image)
     noise = torch.randn(1000, *one.shape[1:], generator=torch.Generator().manual_seed(0))
     index = CorrelationIndex(SearchSettings("int8", code=None))
     index.add(one * (1 + 0.3 * noise))
     timings.append(_timed("search 1000 places", lambda: index.search(one)))
+    progress(4, len(STATED))
     return timings
 
 

@@ -22,15 +22,16 @@ from deepring.experiment.config import EvaluationSettings
 from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.pictures import evaluation_figures
 from deepring.experiment.plan import Plan
+from deepring.experiment.projector import project
 from deepring.io.files import write_whole
 from deepring.localization.candidates import Rerank, RerankSettings
-from deepring.methods.method import Method, RelativePoses, describe_all
+from deepring.methods.method import Method, RelativePoses
 from deepring.progress import progress_bar
 from deepring.rasters import BevRaster, Raster
 from deepring.reports.pose_errors_table import markdown_poses
 from deepring.reports.results_table import markdown, markdown_radii
 from deepring.reports.style import save
-from deepring.reports.tensorboard_events import add_descriptors, write_events
+from deepring.reports.tensorboard_events import write_events
 
 log = logging.getLogger(__name__)
 
@@ -136,14 +137,9 @@ def _show(plan: Plan, folder: Path, outcomes: list[tuple[RetrievalSet, list[Outc
     events = folder / "tensorboard"
     every_outcome = [outcome for _, of in outcomes for outcome in of]
     write_events(events, every_outcome, figures, hyperparameters(plan.record))
-    learned = [split for split, of in outcomes if any(outcome.case.train for outcome in of)]
+    learned = [(split, outcome) for split, of in outcomes for outcome in of if outcome.case.train]
     if plan.network is not None and learned:
-        task = load_task(plan.cache, learned[0], plan.network.raster)
-        add_database_embedding(events, plan.network, task)
-
-
-def add_database_embedding(events: Path, network: Method, task: RetrievalTask) -> None:
-    """The database's descriptors for TensorBoard's projector, labelled by position."""
-    descriptors = describe_all(network, task.database).cpu()
-    labels = [f"{x:.0f}, {y:.0f}" for x, y in task.scans.database.ground_truth]
-    add_descriptors(events, descriptors, labels)
+        split, outcome = learned[0]
+        task = load_task(plan.cache, split, plan.network.raster)
+        radius = plan.evaluation.radii[0]
+        project(events, plan.network, task, outcome.matches, radius)

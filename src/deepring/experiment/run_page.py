@@ -48,7 +48,8 @@ def run_page(run: Path, pictures: int, radius: float | None, over: Over | None) 
     """The page; see `deepring.experiment.report.report`."""
     results = read_results(run / "results.csv")
     cfg = read_run_config(run)
-    radius = float(cfg.evaluation.radii[0]) if radius is None else radius
+    if radius is None:
+        radius = first_radius(run, cfg, results)
     expect_results_at(results, radius)
     over = cfg.evaluation.counted_over if over is None else over
     matches = list(matches_in(run))
@@ -82,6 +83,17 @@ def read_run_config(run: Path) -> Config:
         ) from error
 
 
+def first_radius(run: Path, cfg: Config, results: Sequence[Result]) -> float:
+    """The radius of a run's headline. Raises FileError if the run has no result at it."""
+    radius = float(cfg.evaluation.radii[0])
+    if not any(math.isclose(result.radius_m, radius) for result in results):
+        raise FileError(
+            f"{run / 'results.csv'}: no result within {radius:g} m, expected some, since that is "
+            "the first of evaluation.radii in config.yaml; evaluate again, or give a radius"
+        )
+    return radius
+
+
 def regions_of_run(
     results: Sequence[Result],
     matches: Sequence[TopMatches],
@@ -105,7 +117,7 @@ def regions_of_run(
         ]
         title, beyond = f"{test} {region}".strip(), cfg.evaluation.wrong_beyond
         regions.append(RegionResults(title, methods, radius, beyond, over))
-    return regions
+    return [region for region in regions if region.ranked()]
 
 
 def main_method(results: Sequence[Result], cfg: Config) -> str:

@@ -24,8 +24,8 @@ class LocNetSettings(PlainSettings):
     label: ClassVar[str] = "LocNet"
 
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(RingHistogramRaster()))
-    channels: Sequence[int] = (50, 100)
-    dimension: int = 50
+    channels: Sequence[int] = (50, 100)  # of the two convolutions
+    dimension: int = 50  # length of a descriptor
 
 
 class LocNet(VectorNetwork):
@@ -47,8 +47,8 @@ class LocNet(VectorNetwork):
                 f"locnet.channels: {list(settings.channels)}, expected two numbers, one for each "
                 "convolution"
             )
-        first, second = (checks.count("locnet.channels", n) for n in settings.channels)
-        dimension = checks.count("locnet.dimension", settings.dimension)
+        first, second = (checks.count("locnet.channels", n, most=8192) for n in settings.channels)
+        dimension = checks.count("locnet.dimension", settings.dimension, most=8192)
         rows, buckets = (_pooled(_pooled(length)) for length in self.raster.shape)
         if rows < 1 or buckets < 1:
             raise ConfigError(

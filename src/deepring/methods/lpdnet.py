@@ -28,18 +28,19 @@ class LpdNetSettings(PlainSettings):
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(PointFeaturesRaster()))
     use_features: bool = True
     """Whether the network sees the ten features, or the coordinates alone."""
-    first: Sequence[int] = (64, 64)
-    graph: Sequence[int] = (64, 64)
-    spatial: Sequence[int] = (64, 64)
-    second: Sequence[int] = (64, 128, 1024)
-    neighbours: int = 20
+    first: Sequence[int] = (64, 64)  # widths of the layers that points share
+    graph: Sequence[int] = (64, 64)  # of the convolution over neighbours among the features
+    spatial: Sequence[int] = (64, 64)  # of the convolution over neighbours in the scan
+    second: Sequence[int] = (64, 128, 1024)  # widths of the shared layers after these
+    neighbours: int = 20  # points nearest to each
     align_features: bool = True
     """Whether features are transformed before neighbours are looked for among them."""
+    #: widths of the T-Nets' layers that points share
     transform_widths: Sequence[int] = (64, 128, 1024)
-    transform_hidden: Sequence[int] = (512, 256)
-    clusters: int = 64
-    dimension: int = 256
-    gating: bool = True
+    transform_hidden: Sequence[int] = (512, 256)  # of their dense layers
+    clusters: int = 64  # of NetVLAD
+    dimension: int = 256  # length of a descriptor
+    gating: bool = True  # weighs a descriptor's values by one another
 
 
 class LpdNet(VectorNetwork):

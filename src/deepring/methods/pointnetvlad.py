@@ -22,13 +22,15 @@ class PointNetVladSettings(PlainSettings):
     label: ClassVar[str] = "PointNetVLAD"
 
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(PointsRaster()))
+    #: widths of the layers that points share, before the second T-Net
     first: Sequence[int] = (64, 64)
-    second: Sequence[int] = (64, 128, 1024)
+    second: Sequence[int] = (64, 128, 1024)  # of those after it
+    #: widths of the T-Nets' layers that points share
     transform_widths: Sequence[int] = (64, 128, 1024)
-    transform_hidden: Sequence[int] = (512, 256)
-    clusters: int = 64
-    dimension: int = 256
-    gating: bool = True
+    transform_hidden: Sequence[int] = (512, 256)  # of their dense layers
+    clusters: int = 64  # of NetVLAD
+    dimension: int = 256  # length of a descriptor
+    gating: bool = True  # weighs a descriptor's values by one another
 
 
 class PointNetVlad(VectorNetwork):

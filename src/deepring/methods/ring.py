@@ -27,6 +27,11 @@ class Ring(FixedMethod):
     magnitude of the inverse transform for each frequency before it sums over them. Descriptors
     are the same. Angles leave out the end point. Raw sinogram spectra repeat after half a turn,
     so the turn is known modulo π only.
+
+    Args:
+        raster: of the scan from above
+        angles: rows of the sinogram, equal parts of a full turn
+        bins: columns of the sinogram
     """
 
     label: ClassVar[str] = "RING"

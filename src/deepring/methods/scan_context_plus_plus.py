@@ -22,7 +22,7 @@ class PolarContext(FixedMethod):
 
     Descriptors are (b, copies, columns, rows): a column is what the original calls one, a sector
     here. A query is compared by the first of its copies with every copy of an entry, and the best
-    counts. The `candidates` entries with the nearest retrieval keys are compared; None compares
+    counts. The ``candidates`` entries with the nearest retrieval keys are compared; None compares
     all. Shifts are tried within half of ``window``, a share of the columns, to either side of the
     one at which the aligning keys are nearest.
     """

@@ -27,8 +27,8 @@ class FlexConv(nn.Module):
 
     def __init__(self, channels: int, width: int) -> None:
         super().__init__()
-        self.channels = checks.count("flex_conv.channels", channels)
-        self.linear = nn.Linear(4 * channels, checks.count("flex_conv.width", width))
+        self.channels = checks.count("flex_conv.channels", channels, most=8192)
+        self.linear = nn.Linear(4 * channels, checks.count("flex_conv.width", width, most=8192))
         with torch.no_grad():
             self.linear.weight[:, channels:] *= _OFFSET_START
 

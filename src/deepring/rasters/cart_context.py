@@ -24,11 +24,12 @@ class CartContextRaster(Raster, kind="cart_context"):
     (2, 40, 40)
     """
 
-    across: int = 40
-    along: int = 40
-    width: float = 2.0
-    length: float = 5.0
-    least: int = 1
+    across: int = 40  # cells
+    along: int = 40  # cells
+    width: float = 2.0  # metres
+    length: float = 5.0  # metres
+    least: int = 1  # points without which a cell is empty
+    #: side of cubes whose points are averaged first, metres; None takes all points
     grid: float | None = 0.5
     reverse: bool = False
     preprocessing: Preprocessing = field(default_factory=whole_scan)

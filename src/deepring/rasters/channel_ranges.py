@@ -40,7 +40,7 @@ class SemanticRangesRaster(Labelled, Raster, kind="semantic_ranges"):
     [0.4, 0.1]
     """
 
-    sectors: int = 360
+    sectors: int = 360  # equal parts of θ
     radius: float = 50.0
     preprocessing: Preprocessing = field(default_factory=all_points)
 
@@ -72,10 +72,10 @@ class HeightRangesRaster(Raster, kind="height_ranges"):
     (360, 12)
     """
 
-    sectors: int = 360
+    sectors: int = 360  # equal parts of θ
     bands: int = 12
     height: tuple[float, float] = (0.0, 6.0)
-    radius: float = 50.0
+    radius: float = 50.0  # metres
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
 
     axes = ("theta", "channel")

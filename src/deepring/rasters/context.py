@@ -17,9 +17,9 @@ class ContextRaster(Raster, kind="context"):
     (60, 20)
     """
 
-    sectors: int = 60
-    rings: int = 20
-    radius: float = 80.0
+    sectors: int = 60  # equal parts of θ
+    rings: int = 20  # equal parts of the radius
+    radius: float = 80.0  # metres
     preprocessing: Preprocessing = field(
         default_factory=lambda: Preprocessing(height=(-2.0, 100.0), clearance=None, extent=80.0)
     )

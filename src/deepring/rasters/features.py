@@ -31,8 +31,8 @@ class FeatureBevRaster(Raster, kind="features"):
     (6, 40, 40)
     """
 
-    cells: int = 120
-    extent: float = 70.0
+    cells: int = 120  # along a side
+    extent: float = 70.0  # metres, half a side
     neighbours: int = 30
     voxel: float = 0.3
     stretch: float = STRETCH

@@ -29,9 +29,9 @@ class HeightRaster(Raster, kind="heights"):
     """
 
     layers: int = 20
-    sectors: int = 120
-    rings: int = 40
-    radius: float = 70.0
+    sectors: int = 120  # equal parts of θ
+    rings: int = 40  # equal parts of the radius
+    radius: float = 70.0  # metres
     height: tuple[float, float] = (2.0, 20.0)
     preprocessing: Preprocessing = field(
         default_factory=lambda: Preprocessing(height=(2.0, 20.0), clearance=None)

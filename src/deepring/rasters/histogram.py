@@ -24,7 +24,7 @@ class HistogramRaster(Raster, kind="histogram"):
     (100,)
     """
 
-    buckets: int = 100
+    buckets: int = 100  # equal parts of the span
     span: tuple[float, float] = (0.0, 80.0)
     viewpoint: float = 1.73
     preprocessing: Preprocessing = field(

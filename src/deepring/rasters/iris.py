@@ -27,9 +27,9 @@ class IrisRaster(Raster, kind="iris"):
     (360, 80)
     """
 
-    sectors: int = 360
-    rings: int = 80
-    radius: float = 80.0
+    sectors: int = 360  # equal parts of θ
+    rings: int = 80  # equal parts of the radius
+    radius: float = 80.0  # metres
     low: float = -5.0
     viewpoint: float = 1.73
     preprocessing: Preprocessing = field(default_factory=whole_scan)

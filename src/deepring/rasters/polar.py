@@ -17,9 +17,9 @@ class PolarRaster(Raster, kind="polar"):
     (60, 20)
     """
 
-    sectors: int = 120
-    rings: int = 120
-    radius: float = 70.0
+    sectors: int = 120  # equal parts of θ
+    rings: int = 120  # equal parts of the radius
+    radius: float = 70.0  # metres
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
 
     axes = ("theta", "r")

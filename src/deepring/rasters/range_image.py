@@ -20,11 +20,11 @@ class RangeRaster(Raster, kind="range"):
     (120, 16)
     """
 
-    sectors: int = 120
-    rows: int = 32
-    elevation: tuple[float, float] = (-25.0, 30.0)
-    viewpoint: float = 1.8
-    max_range: float = 80.0
+    sectors: int = 120  # equal parts of θ
+    rows: int = 32  # equal parts of the elevation
+    elevation: tuple[float, float] = (-25.0, 30.0)  # degrees, lowest and highest
+    viewpoint: float = 1.8  # metres above the ground from which the image is seen
+    max_range: float = 80.0  # metres
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
 
     axes = ("theta", "elevation")

@@ -35,12 +35,12 @@ class RangeNormalRaster(Raster, kind="range_normals"):
     (4, 900, 64)
     """
 
-    sectors: int = 900
-    rows: int = 64
-    elevation: tuple[float, float] = (-25.0, 3.0)
+    sectors: int = 900  # equal parts of θ
+    rows: int = 64  # equal parts of the elevation
+    elevation: tuple[float, float] = (-25.0, 3.0)  # degrees, lowest and highest
     viewpoint: float = 1.73
     max_range: float = 50.0
-    normals: Normals = "sensor"
+    normals: Normals = "sensor"  # in the axes of the sensor, or radial, of each direction
     preprocessing: Preprocessing = field(default_factory=whole_scan)
 
     axes = ("channel", "theta", "elevation")

@@ -35,11 +35,11 @@ class RingHistogramRaster(Raster, kind="ring_histogram"):
     (64, 80)
     """
 
-    rows: int = 64
-    buckets: int = 80
+    rows: int = 64  # rings
+    buckets: int = 80  # equal parts of the span
     span: tuple[float, float] = (1.0, 81.0)
     feature: RingFeature = "range"
-    elevation: tuple[float, float] = (-25.0, 3.0)
+    elevation: tuple[float, float] = (-25.0, 3.0)  # degrees, lowest and highest
     viewpoint: float = 1.73
     preprocessing: Preprocessing = field(
         default_factory=lambda: Preprocessing(height=(-1.27, 100.0), clearance=None, extent=81.0)

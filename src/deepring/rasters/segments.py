@@ -61,9 +61,9 @@ class SegmentsRaster(Raster, kind="segments"):
 
     max_segments: int = 64
     cells: tuple[int, int, int] = (32, 32, 16)
-    smallest_voxel: float = 0.1
-    tolerance: float = 0.2
-    growth: float = 0.0
+    smallest_voxel: float = 0.1  # metres; larger segments have larger voxels
+    tolerance: float = 0.2  # metres between neighbours of one segment
+    growth: float = 0.0  # of the tolerance with the range: metres for each metre
     least_points: int = 100
     most_points: int = 15_000
     preprocessing: Preprocessing = field(default_factory=Preprocessing)

@@ -50,9 +50,9 @@ class SemanticRaster(Labelled, Raster, kind="semantic"):
     ([[0, 9]], 16)
     """
 
-    sectors: int = 360
-    rings: int = 50
-    radius: float = 50.0
+    sectors: int = 360  # equal parts of θ
+    rings: int = 50  # equal parts of the radius
+    radius: float = 50.0  # metres
     preprocessing: Preprocessing = field(default_factory=all_points)
 
     axes = ("theta", "r")

@@ -39,7 +39,7 @@ class SemanticPointsRaster(Labelled, Raster, kind="semantic_points"):
     """
 
     sectors: int = 360
-    rings: int = 50
+    rings: int = 50  # of the polar cells
     radius: float = 50.0
     count: int = 12288
     sector_point: SectorPoint = "nearest"

@@ -55,7 +55,7 @@ class VoxelMeansRaster(Raster, kind="voxel_means"):
     max_points: int = 40000
     keypoints: int = 4096
     size: float = 0.1
-    radius: float = 70.4
+    radius: float = 70.4  # metres; half of the square's side
     preprocessing: Preprocessing = field(default_factory=published)
 
     axes = ("point", "xyzi")

@@ -36,10 +36,10 @@ class VoxelRaster(Raster, kind="voxels"):
     """
 
     max_voxels: int = 16384
-    degrees: float = 1.0
-    ring: float = 0.3
-    height: float = 0.2
-    radius: float = 70.0
+    degrees: float = 1.0  # of a voxel along θ
+    ring: float = 0.3  # metres along r
+    height: float = 0.2  # metres
+    radius: float = 70.0  # metres
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
 
     axes = ("voxel", "theta_r_z")

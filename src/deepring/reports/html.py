@@ -94,7 +94,8 @@ def table_of_html(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
         for first, *rest in rows
     )
     header = f"<thead><tr>{cells}</tr></thead>\n" if any(head) else ""
-    return f'<div class="scroll"><table>\n{header}<tbody>\n{lines}\n</tbody></table></div>'
+    kind = "" if header else ' class="facts"'
+    return f'<div class="scroll"><table{kind}>\n{header}<tbody>\n{lines}\n</tbody></table></div>'
 
 
 def shown_table(table: Table) -> str:

@@ -1,7 +1,8 @@
 """TensorBoard events of an evaluation: metrics, PR curves, figures and descriptors."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -31,6 +32,19 @@ _METRICS = {
 FLUSH_SECONDS = 2
 
 
+class Projection(NamedTuple):
+    """Points for the projector."""
+
+    vectors: Tensor
+    """(n, axes)."""
+    columns: Sequence[str]
+    """Names of what is known of a point; the first labels it."""
+    labels: list[list[str]]
+    """n rows of these."""
+    pictures: Tensor | None
+    """(n, 1, side, side) float in [0, 1], drawn in place of the points; None for dots."""
+
+
 def write_events(
     folder: Path,
     outcomes: list[Outcome],
@@ -39,20 +53,44 @@ def write_events(
 ) -> None:
     """Write metrics, PR curves, figures and hyperparameters of an evaluation.
 
-    The keys of ``figures`` are their tags. ``folder`` is the run's TensorBoard folder.
+    The metrics beside the hyperparameters are those of the method that was trained, if there is
+    one: the others do not depend on them. The keys of ``figures`` are the names of their files.
+    ``folder`` is the run's TensorBoard folder.
     """
+    trained = [outcome for outcome in outcomes if outcome.case.train]
     with SummaryWriter(str(folder), flush_secs=FLUSH_SECONDS) as writer:
         final_metrics: dict[str, float] = {}
         for outcome in outcomes:
             head, case = outcome.results[0], outcome.case
             place = f"{case.test}/{case.region}"
             for metric, name in _METRICS.items():
-                final_metrics[f"test/{place}/{name}/{case.method}"] = getattr(head, metric)
+                tag, value = f"test/{place}/{name}/{case.method}", getattr(head, metric)
+                if outcome in (trained or outcomes):
+                    final_metrics[tag] = value
+                else:
+                    writer.add_scalar(tag, value)
             tag = f"test/{place}/{case.method}"
             add_pr_curve(writer, tag, outcome.matches, head.radius_m, head.wrong_beyond_m)
-        for tag, figure in figures.items():
-            writer.add_figure(tag, without_formulas(figure), close=False)
+        for name, figure in figures.items():
+            writer.add_figure(picture_tag(name), without_formulas(figure), close=False)
         writer.add_hparams(dict(hyperparameters), final_metrics, run_name=".")
+
+
+def picture_tag(name: str) -> str:
+    """The tag of a picture, by the name of its file: what stands before its first / is a group.
+
+    >>> picture_tag("hits_RING"), picture_tag("nclt_test/sinogram_0010"), picture_tag("pr_curves")
+    ('hits/RING', 'sinograms/nclt_test/0010', 'curves/pr_curves')
+    """
+    place, slash, own = name.rpartition("/")
+    for start, group in _GROUPS.items():
+        if own.startswith(start):
+            return f"{group}/{place}{slash}{own.removeprefix(start)}"
+    return f"curves/{name}"
+
+
+#: Groups of pictures, by how the names of their files begin; all others are curves.
+_GROUPS = {"hits_": "hits", "sinogram_": "sinograms"}
 
 
 def add_pr_curve(
@@ -82,7 +120,13 @@ def add_pr_curve(
     )
 
 
-def add_descriptors(folder: Path, descriptors: Tensor, labels: list[str]) -> None:
-    """Add descriptors (n, ...) of the database to the projector, with one label per place."""
+def add_projection(folder: Path, tag: str, projection: Projection) -> None:
+    """Add points to the projector, which colours them by any column."""
     with SummaryWriter(str(folder), flush_secs=FLUSH_SECONDS) as writer:
-        writer.add_embedding(descriptors.flatten(1), metadata=labels, tag="database")
+        writer.add_embedding(
+            projection.vectors,
+            metadata=projection.labels,
+            metadata_header=list(projection.columns),
+            label_img=projection.pictures,
+            tag=tag,
+        )

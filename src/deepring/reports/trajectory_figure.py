@@ -74,9 +74,10 @@ def _draw_queries(
     answerable: NDArray[np.bool_],
 ) -> None:
     """Draw misses last and as crosses, so that they can be seen even without colour."""
+    dots = 34 * float(np.clip(200 / len(queries), 1, 4))  # larger where there are few
     kinds = (
-        ("no place in reach", ~answerable, ".", UNANSWERABLE, 34, 0.0),
-        ("hit", answerable & right, ".", HIT, 34, 0.0),
+        ("no place in reach", ~answerable, ".", UNANSWERABLE, dots, 0.0),
+        ("hit", answerable & right, ".", HIT, dots, 0.0),
         ("miss", answerable & ~right, "x", MISS, 30, 1.6),
     )
     for name, of_kind, marker, colour, size, width in kinds:

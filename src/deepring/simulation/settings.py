@@ -28,9 +28,9 @@ class SimulationSettings:
     # the world
     world: WorldKind = "campus"  # docs/simulation.md describes the kinds
     block: float = 85.0  # distance between crossings
-    train_columns: int = 5
-    test_columns: int = 4
-    rows: int = 4
+    train_columns: int = 5  # columns of the street grid that is trained on
+    test_columns: int = 4  # ... and of the one that is tested on
+    rows: int = 4  # of both grids
     crossing_jitter: float = 9.0  # largest offset of crossings from the regular grid
     building_prototypes: int = 2  # of campus, city, tunnels; with fewer, more places look alike
     building_share: float = 0.8  # share of their plots with a building
@@ -55,24 +55,24 @@ class SimulationSettings:
     sensor: str | None = None  # of the database; a name of `SENSORS`, in the layout custom only
     query_sensor: str | None = None  # None: the same as the database's, as all of query_
     sensor_height: float | None = None  # above the ground
-    query_sensor_height: float | None = None
-    upside_down: bool = False
-    query_upside_down: bool | None = None
+    query_sensor_height: float | None = None  # in the second session; None: as in the first
+    upside_down: bool = False  # whether the sensor hangs with its top below
+    query_upside_down: bool | None = None  # in the second session; None: as in the first
     mount_roll_deg: float = 0.0  # of the sensor on the platform: about its x, then y, then z
-    mount_pitch_deg: float = 0.0
-    mount_yaw_deg: float = 0.0
-    query_mount_roll_deg: float | None = None
-    query_mount_pitch_deg: float | None = None
-    query_mount_yaw_deg: float | None = None
+    mount_pitch_deg: float = 0.0  # about y
+    mount_yaw_deg: float = 0.0  # about z
+    query_mount_roll_deg: float | None = None  # in the second session; None: as in the first
+    query_mount_pitch_deg: float | None = None  # likewise
+    query_mount_yaw_deg: float | None = None  # likewise
     azimuths: int | None = 1085  # columns per revolution (1024 in MulRan); None: the data sheet's
-    max_range: float = 100.0
+    max_range: float = 100.0  # metres
     range_noise: float | None = 0.025  # standard deviation; None: the data sheet's
     dropout_near: float = 0.02  # share of returns lost at the sensor ...
     dropout_far: float = 0.25  # ... and at max_range; it grows with the squared distance
     tilt_deg: float = 3.0  # standard deviation of the platform's roll and of its pitch
     blind_width_deg: float = 0.0  # sector without returns, centred on the LiDAR's +x
     motion_distortion: bool = False  # True: the platform moves during a sweep, points as measured
-    rain_mm_per_hour: float = 0.0
+    rain_mm_per_hour: float = 0.0  # drops return some beams and weaken all
     labels: bool = False  # True: a file with the class of each point beside each scan
 
     # the drives

@@ -65,6 +65,9 @@ class BatchHardTriplet(ScanBatchLoss):
 
     The first ``warm_up`` batches take all triplets whatever ``mining`` says, so that the hardest
     ones begin from descriptors that already differ. Checkpoints store the batches counted.
+
+    Args:
+        margin: by which another place has to be farther than the same one
     """
 
     def __init__(

@@ -26,6 +26,9 @@ class BatchSoftmax(ScanBatchLoss):
     norm the cosine, but for a constant. Every scan is a query and all others of the batch are its
     candidates; the nearest negatives weigh most, and all weigh something, so that, unlike with the
     hardest triplets, the descriptors do not collapse.
+
+    Args:
+        temperature: of the softmax; a smaller one looks at the nearest scans alone
     """
 
     def __init__(self, temperature: float = 0.05) -> None:
@@ -50,6 +53,11 @@ class BatchSoftmaxWithTurn(BatchSoftmax):
 
     The turn is sought as in `TurnCrossEntropy`, between each scan and the first of its place in
     the batch, and weighs ``turn_weight`` times its mean over the scans.
+
+    Args:
+        temperature: as in `BatchSoftmax`
+        turn_scale: factor of the correlation before the softmax over turns
+        turn_weight: weight of the turn's cross-entropy
     """
 
     def __init__(

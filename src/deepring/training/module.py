@@ -121,7 +121,8 @@ class PlaceModule(L.LightningModule):
         optimizer = self.make_optimizer([w for w in self.parameters() if w.requires_grad])
         if self.make_scheduler is None:
             return optimizer
-        return {"optimizer": optimizer, "lr_scheduler": self.make_scheduler(optimizer)}
+        scheduler = {"scheduler": self.make_scheduler(optimizer), "name": "train/lr"}
+        return {"optimizer": optimizer, "lr_scheduler": scheduler}
 
 
 def _known_parts(method: NetworkMethod, parts: Sequence[str]) -> list[str]:

@@ -55,7 +55,7 @@ class StreetScheme(TrainingScheme):
     places: int = 16
     queries: int = 60
     spacing: tuple[float, float] = (10.0, 20.0)
-    per_epoch: int = 60
+    per_epoch: int = 60  # batches
     positive_radius: float = 10.0
     pass_apart: float = 100.0
 

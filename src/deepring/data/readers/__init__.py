@@ -208,7 +208,14 @@ def _names_below(root: Path, scan_folders: set[str]) -> Iterator[str]:
     for _ in range(_DEPTH + 1):
         entries = [entry for folder in level for entry in _entries(folder)]
         yield from (entry.name for entry in entries)
-        level = [entry for entry in entries if entry.name not in scan_folders and entry.is_dir()]
+        level = [entry for entry in entries if entry.name not in scan_folders and _is_folder(entry)]
+
+
+def _is_folder(entry: Path) -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:  # e.g. a link that may not be followed
+        return False
 
 
 def _entries(folder: Path) -> list[Path]:

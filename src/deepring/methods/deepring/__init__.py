@@ -78,7 +78,7 @@ class EncoderSettings(PlainSettings):
     widths: Sequence[int] = (64, 128, 256, 512)  # channels of each level
     convolutions: int = 2  # of each level
     norm: str = "batch"  # or group, none
-    tau_padding: TauPadding = "circular"
+    tau_padding: TauPadding = "circular"  # beyond the ends of τ: circular, or zero
     stem: int = 1  # squares of so many cells become channels at the start
 
 
@@ -86,9 +86,9 @@ class EncoderSettings(PlainSettings):
 class AggregationSettings(PlainSettings):
     """One of `deepring.nn.aggregation.AGGREGATIONS`; the others belong to 'cross_spectra' alone."""
 
-    kind: str = "dft"
-    gaps: Sequence[float] | None = None  # degrees
-    frequencies: int | None = None
+    kind: str = "dft"  # dft, or another way to a descriptor without θ's phase
+    gaps: Sequence[float] | None = None  # degrees between the rows that are multiplied
+    frequencies: int | None = None  # of τ, the lowest ones
 
 
 @dataclass(frozen=True)
@@ -106,10 +106,10 @@ class DeepRingSettings(PlainSettings):
     label: ClassVar[str] = "DeepRING"
 
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(BevRaster()))
-    representation: RepresentationSettings = RepresentationSettings()
-    encoder: EncoderSettings = EncoderSettings()
-    aggregation: AggregationSettings = AggregationSettings()
-    similarity: SimilaritySettings = SimilaritySettings()
+    representation: RepresentationSettings = RepresentationSettings()  # what the network sees
+    encoder: EncoderSettings = EncoderSettings()  # the network
+    aggregation: AggregationSettings = AggregationSettings()  # from features to a descriptor
+    similarity: SimilaritySettings = SimilaritySettings()  # of two descriptors
     polar: PolarSettings | None = None  # a second look, beside the paper's network
 
 

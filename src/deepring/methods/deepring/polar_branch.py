@@ -30,9 +30,9 @@ class PolarSettings(PlainSettings):
     """A second network over a polar image of the BEV, whose rows are those of the descriptor."""
 
     widths: Sequence[int] = (8, 16, 32)  # a UNet of its own; see `deepring.nn.unet`
-    convolutions: int = 1
-    norm: str = "batch"
-    rings: int = 60
+    convolutions: int = 1  # of each level
+    norm: str = "batch"  # or group, none
+    rings: int = 60  # cells along r
     radius: float | None = None  # metres; None for the BEV's extent
     samples: int = 2  # see `deepring.nn.polar_bev`
     share: float = 0.2  # of the score, to begin with: it is learned

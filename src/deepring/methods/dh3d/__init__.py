@@ -40,25 +40,23 @@ class Dh3dSettings(PlainSettings):
     label: ClassVar[str] = "DH3D"
 
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(PointsRaster(8192)))
-    neighbours: int = 8
-    thinning: int = 8
-    stem: int = 32
-    first: int = 64
-    second: int = 128
-    gates: Sequence[int] = (16, 32)
-    local: int = 128
-    detector: Sequence[int] = (128, 256, 1024)
-    features: int = 256
-    attention: int = 1024
-    clusters: int = 64
-    dimension: int = 256
-    gating: bool = True
-    #: Of a pose: keypoints of a scan, metres that they keep from each other, how far a matched
-    #: point may be off, metres, and how many matches have to agree.
-    keypoints: int = 512
-    apart: float = 0.5
-    reach: float = 0.5
-    agreeing: int = 10
+    neighbours: int = 8  # points nearest to each, which a convolution sees
+    thinning: int = 8  # one point in so many makes the coarse cloud
+    stem: int = 32  # channels of the first layer
+    first: int = 64  # channels of the first stage, on all points
+    second: int = 128  # of the second stage, on the coarse cloud
+    gates: Sequence[int] = (16, 32)  # hidden channels of each stage's gate
+    local: int = 128  # length of a local descriptor
+    detector: Sequence[int] = (128, 256, 1024)  # widths of the layers that score points
+    features: int = 256  # of a point, for the place
+    attention: int = 1024  # hidden width of the layer that weighs points
+    clusters: int = 64  # of NetVLAD
+    dimension: int = 256  # length of a descriptor
+    gating: bool = True  # weighs a descriptor's values by one another
+    keypoints: int = 512  # of a scan, for a pose
+    apart: float = 0.5  # metres that keypoints keep from each other
+    reach: float = 0.5  # metres that a matched point may be off
+    agreeing: int = 10  # matches that have to agree on a pose
 
 
 class Dh3d(VectorNetwork):
@@ -75,9 +73,9 @@ class Dh3d(VectorNetwork):
         settings = s = Dh3dSettings() if settings is None else settings
         super().__init__(settings, PointsRaster)
         for name in ("neighbours", "thinning", "stem", "first", "second", "local", "features"):
-            checks.count(f"dh3d.{name}", getattr(s, name))
+            checks.count(f"dh3d.{name}", getattr(s, name), most=8192)
         for name in ("attention", "keypoints"):
-            checks.count(f"dh3d.{name}", getattr(s, name))
+            checks.count(f"dh3d.{name}", getattr(s, name), most=8192)
         checks.count("dh3d.agreeing", s.agreeing, 3)
         checks.at_least("dh3d.apart", s.apart, 0, "metres")
         checks.positive("dh3d.reach", s.reach, "metres")

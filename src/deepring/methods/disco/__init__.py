@@ -39,8 +39,8 @@ class DiscoSettings(PlainSettings):
     label: ClassVar[str] = "DiSCO"
 
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(HeightRaster()))
-    widths: Sequence[int] = (64, 128, 256, 512)
-    padding: PolarPadding = "zero"
+    widths: Sequence[int] = (64, 128, 256, 512)  # channels of each level of the UNet
+    padding: PolarPadding = "zero"  # of θ: zero, as published, or circular
     size: int = 32
     signature: Signature = "raw"
     aligned: int | None = 1

@@ -21,10 +21,10 @@ class EgoNnSettings(PlainSettings):
     label: ClassVar[str] = "EgoNN"
 
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(VoxelRaster()))
-    widths: Sequence[int] = WIDTHS
-    global_levels: Sequence[int] = (5, 6, 7)
-    close_theta: bool = False
-    normalised: bool = False
+    widths: Sequence[int] = WIDTHS  # channels of the stem and of each level
+    global_levels: Sequence[int] = (5, 6, 7)  # levels that the descriptor is made of
+    close_theta: bool = False  # convolutions go on where θ starts again
+    normalised: bool = False  # descriptors have unit norm; as published they do not
 
 
 class EgoNnGlobal(VectorNetwork):

@@ -40,13 +40,13 @@ class LcdNetSettings(PlainSettings):
     label: ClassVar[str] = "LCDNet"
 
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(VoxelMeansRaster()))
-    widths: Sequence[int] = (16, 32, 64, 64, 128)
-    features: int = 640
-    clusters: int = 64
-    dimension: int = 256
-    epsilon: float = 1.03
-    iterations: int = 5
-    momentum: float = 0.01
+    widths: Sequence[int] = (16, 32, 64, 64, 128)  # channels of the levels of the voxel network
+    features: int = 640  # of a keypoint
+    clusters: int = 64  # of NetVLAD
+    dimension: int = 256  # length of a descriptor
+    epsilon: float = 1.03  # blur of the matching at the beginning, above 0.03; it is learned
+    iterations: int = 5  # of the matching, by Sinkhorn
+    momentum: float = 0.01  # of the batch statistics, in [0, 1]
 
 
 class Encoded(NamedTuple):
@@ -83,7 +83,7 @@ class LcdNet(VectorNetwork):
             for (inputs, width), (radii, samples) in zip(channels, _BALLS, strict=True)
         )
         seen = self.backbone.layers * settings.widths[4] + 2 * sum(w for _, w in channels)
-        features = checks.count("lcdnet.features", settings.features)
+        features = checks.count("lcdnet.features", settings.features, most=8192)
         self.fusion = nn.Sequential(
             nn.Linear(seen, features, bias=False), nn.BatchNorm1d(features), nn.ReLU()
         )

@@ -27,13 +27,13 @@ class LocusSettings(PlainSettings):
     label: ClassVar[str] = "Locus, spatial"
 
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(SegmentsRaster()))
-    channels: Sequence[int] = (32, 64, 64)
-    hidden: int = 512
-    feature: int = 64
-    dropout: float = 0.5
-    neighbours: int = 5
-    least_segments: int = 7
-    exponent: float = 0.5
+    channels: Sequence[int] = (32, 64, 64)  # of the three convolutions over voxels
+    hidden: int = 512  # width of the dense layer
+    feature: int = 64  # length of a segment's feature; the descriptor has its square
+    dropout: float = 0.5  # share of the dense layer's values, in training
+    neighbours: int = 5  # nearest segments that each is multiplied with
+    least_segments: int = 7  # without which a scan is described by zeros
+    exponent: float = 0.5  # power of the singular values of a descriptor
 
 
 class Locus(NetworkMethod):

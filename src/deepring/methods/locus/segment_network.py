@@ -38,9 +38,9 @@ class SegmentNetwork(nn.Module):
                 f"locus.channels: {list(channels)}, expected three numbers, one for each "
                 "convolution"
             )
-        first, second, third = (checks.count("locus.channels", n) for n in channels)
-        checks.count("locus.hidden", hidden)
-        checks.count("locus.feature", feature)
+        first, second, third = (checks.count("locus.channels", n, most=8192) for n in channels)
+        checks.count("locus.hidden", hidden, most=8192)
+        checks.count("locus.feature", feature, most=8192)
         checks.share("locus.dropout", dropout)
         self.convolutions = nn.Sequential(
             nn.Conv3d(1, first, 3, padding=1),

@@ -43,8 +43,8 @@ class OverlapNetSettings(PlainSettings):
     #: The second scan's columns are turned to those of the first before the head sees them; as
     #: published they are not.
     aligned: bool = False
-    block: int = 15
-    widths: Sequence[int] = (64, 128, 256)
+    block: int = 15  # columns that the head takes together
+    widths: Sequence[int] = (64, 128, 256)  # channels of the head's convolutions
     #: Places whose overlap with a query is computed; None computes all, as published.
     candidates: int | None = None
 

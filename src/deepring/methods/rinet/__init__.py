@@ -27,10 +27,11 @@ class RINetSettings(PlainSettings):
     label: ClassVar[str] = "RINet"
 
     raster: dict[str, Any] = field(default_factory=lambda: raster_settings(SemanticRangesRaster()))
-    widths: Sequence[int] = (16, 16, 32, 32, 64, 128)
+    widths: Sequence[int] = (16, 16, 32, 32, 64, 128)  # channels of each stage
+    #: by which each further stage thins θ; their product divides the sectors
     steps: Sequence[int] = (3, 3, 2, 2, 2)
-    hidden: int = 128
-    gates: bool = True
+    hidden: int = 128  # width of the layer that compares two descriptors
+    gates: bool = True  # weigh channels by the whole scan
 
 
 class RINet(NetworkMethod):
@@ -64,7 +65,7 @@ class RINet(NetworkMethod):
                 f"rinet.steps: {steps}, expected numbers whose product {math.prod(steps)} divides "
                 f"the {sectors} sectors of the raster, and leaves 2 or more"
             )
-        hidden = checks.count("rinet.hidden", settings.hidden)
+        hidden = checks.count("rinet.hidden", settings.hidden, most=8192)
         gates = checks.of_type("rinet.gates", settings.gates, bool)
         self.describer = Describer(channels, widths, steps, gates)
         self.head = MatchHead(sum(widths), hidden)

@@ -51,6 +51,13 @@ class NTuple(CorrespondenceLoss):
     Others are from ``apart`` to ``far`` metres away; what lies between radius and ``apart``, and
     beyond ``far``, does not count. Source: the N-tuple loss of PPFNet (Deng et al., CVPR 2018), as
     DH3D takes it (ECCV 2020, Sec. 3.1).
+
+    Args:
+        radius: metres within which points are the same place
+        apart: metres from which on points are others
+        far: metres up to which they are
+        margin: distance of descriptors beyond which others cost nothing
+        weight: of the others
     """
 
     def __init__(
@@ -85,6 +92,10 @@ class Reliability(CorrespondenceLoss):
     r is the share of the nearest points, the point among them, whose nearest descriptor is at the
     same place: a score pays where descriptors succeed more often than ``threshold``. Source: DH3D
     (Sec. 3.2), after the average precision of R2D2 (Revaud et al., NeurIPS 2019).
+
+    Args:
+        radius: metres within which points are the same place
+        threshold: share of successes from which on a high score pays
     """
 
     def __init__(self, radius: float = 0.5, threshold: float = 0.3) -> None:

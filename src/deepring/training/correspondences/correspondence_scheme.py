@@ -60,10 +60,10 @@ class CorrespondenceScheme(TrainingScheme):
 
     loss_type = CorrespondenceLoss
 
-    pairs: int = 6
-    per_epoch: int = 1000
-    partners: Partners = "copies"
-    place_radius: float = 10.0
+    pairs: int = 6  # of a batch
+    per_epoch: int = 1000  # batches
+    partners: Partners = "copies"  # or scans
+    place_radius: float = 10.0  # metres
     points: int = 512
     around: int = 10
     tilt: float = 0.06

@@ -57,7 +57,12 @@ class OneShotClassifier(nn.Module):
 
 
 class OneShotCrossEntropy(EpisodeLoss):
-    """Cross-entropy of the one-shot classifier (paper, after Eq. 9)."""
+    """Cross-entropy of the one-shot classifier (paper, after Eq. 9).
+
+    Args:
+        temperature_scale: factor of the scores before the softmax, to begin with: it is
+            learned
+    """
 
     def __init__(self, temperature_scale: float = 100.0) -> None:
         super().__init__()
@@ -75,6 +80,10 @@ class Triplet(EpisodeLoss):
 
     With ``mining='hardest'`` the other way is the most similar one (the lazy form of PointNetVLAD,
     mikacuy/pointnetvlad); 'all' takes the mean over all other ways.
+
+    Args:
+        margin: by which another way has to be farther than the own one
+        mining: hardest or all
     """
 
     def __init__(self, margin: float = 0.5, mining: Mining = "hardest") -> None:
@@ -99,6 +108,11 @@ class Quadruplet(EpisodeLoss):
 
     Neither way of the second term is the query's own (mikacuy/pointnetvlad, whose margins are
     the defaults; DiSCO uses the same).
+
+    Args:
+        margin: of the triplet
+        second_margin: of the second term
+        mining: hardest or all
     """
 
     def __init__(

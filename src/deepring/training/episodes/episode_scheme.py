@@ -53,10 +53,10 @@ class EpisodeScheme(TrainingScheme):
 
     loss_type = EpisodeLoss
 
-    ways: int = 24
-    shots: int = 1
-    queries: int = 6
-    per_epoch: int = 60
+    ways: int = 24  # places of an episode
+    shots: int = 1  # scans of each place that queries are compared with
+    queries: int = 6  # of each place
+    per_epoch: int = 60  # episodes
     positive_radius: float = 10.0
     negative_radius: float = 20.0
     neighbours: float = 0.0

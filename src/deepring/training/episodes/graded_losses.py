@@ -50,6 +50,10 @@ class GradedCrossEntropy(GradedLoss):
 
     A way is as far from a query as its nearest shot. With a ``scale`` far below the distances
     between ways the targets are those of `OneShotCrossEntropy`.
+
+    Args:
+        temperature_scale: as in `OneShotCrossEntropy`
+        scale: metres over which a target falls with the distance
     """
 
     def __init__(self, temperature_scale: float = 100.0, scale: float = 10.0) -> None:
@@ -81,6 +85,10 @@ class SmoothAp(GradedLoss):
     A way within ``radius`` of the query is relevant. Queries without such a way do not count.
 
     Source: Brown et al., Smooth-AP, ECCV 2020, Eq. 6; its τ is ``temperature``.
+
+    Args:
+        radius: metres within which a way is relevant
+        temperature: of the sigmoids; a smaller one is closer to true ranks
     """
 
     def __init__(self, radius: float = 10.0, temperature: float = 0.01) -> None:

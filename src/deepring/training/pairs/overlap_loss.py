@@ -51,6 +51,12 @@ class OverlapAndTurn(nn.Module):
     ours, each curve is taken without its mean, which changes no turn.
 
     `Step.accuracy` is the share of pairs that are told on the right side of an overlap of 0.3.
+
+    Args:
+        overlap: weight of the overlap's error
+        turn: weight of the turn's cross-entropy
+        turn_from: overlap from which on a pair tells a turn, in [0, 1]
+        centred: whether curves are taken without their means
     """
 
     def __init__(

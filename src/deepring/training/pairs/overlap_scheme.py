@@ -52,8 +52,8 @@ class OverlapScheme(TrainingScheme):
     partners: int = 8
     radius: float = 15.0
     bins: int = 10
-    tolerance: float = 1.0
-    around: int = 1
+    tolerance: float = 1.0  # metres by which ranges that overlap differ at most
+    around: int = 1  # cells either way in which a range is looked for
     turned: bool = False
 
     def __post_init__(self) -> None:

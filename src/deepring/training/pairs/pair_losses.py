@@ -58,6 +58,9 @@ class Contrastive(PairLoss):
 
     Source: Hadsell et al., CVPR 2006, Eq. 4; LocNet (Yin et al., IV 2018). A pair counts as told
     right where d is below half the margin for one place, and above it for two.
+
+    Args:
+        margin: distance of descriptors beyond which two places cost nothing
     """
 
     def __init__(self, margin: float = 12.0) -> None:
@@ -81,6 +84,13 @@ class SoftMatch(PairLoss):
     ``certain`` metres. The loss is the mean cross-entropy of the logits, and ``contrastive`` times
     the mean of y d² + (1 - y) [margin - d]₊². Source: Li et al., RA-L 2022 (lilin-hitcrt/RINet).
     With ``contrastive`` 0 it is the cross-entropy alone.
+
+    Args:
+        middle: metres at which a match is as likely as none
+        width: metres over which it falls
+        certain: metres within which it is certain
+        margin: of the descriptors of two places
+        contrastive: weight of the contrastive loss
     """
 
     def __init__(

@@ -42,6 +42,11 @@ class TripletWithPose(PoseLoss):
     of the partner, T* the true transform, T that of the matches; the matches' that of |y - T* x|, y
     where x is matched. Metres and descriptors' distances are added as they are, with the weights.
     Source: Cattaneo et al., T-RO 2022, Sec. III-D.
+
+    Args:
+        margin: of the triplet
+        pose_weight: weight of the pose's error, a metre of which costs as much
+        match_weight: weight of the matches' error
     """
 
     def __init__(

@@ -65,7 +65,7 @@ class PoseScheme(TrainingScheme):
 
     loss_type = PoseLoss
 
-    pairs: int = 6
+    pairs: int = 6  # of a batch
     per_epoch: int | None = None
     positive_radius: float = 4.0
     negative_radius: float = 10.0

@@ -63,7 +63,7 @@ class SegmentScheme(TrainingScheme):
 
     loss_type = SegmentLoss
 
-    size: int = 64
+    size: int = 64  # segments of a batch
     per_epoch: int | None = None
     radius: float = 1.0
     views: int = 2

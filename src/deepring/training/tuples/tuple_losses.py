@@ -43,6 +43,11 @@ class LazyQuadruplet(TupleLoss):
 
     d is the squared Euclidean distance, as in the published code (mikacuy/pointnetvlad), n* the
     tuple's last negative. PointNetVLAD uses the nearest positive, DiSCO the farthest.
+
+    Args:
+        margin: m₁, of the query and a negative
+        second_margin: m₂, of two negatives
+        positive: which positive counts: nearest or farthest
     """
 
     def __init__(
@@ -94,7 +99,13 @@ class TurnCrossEntropy(nn.Module):
 
 
 class QuadrupletWithTurn(TupleLoss):
-    """DiSCO's loss: lazy quadruplet of the signatures, plus cross-entropy of the turn."""
+    """DiSCO's loss: lazy quadruplet of the signatures, plus cross-entropy of the turn.
+
+    Args:
+        margin: as in `LazyQuadruplet`
+        second_margin: as there
+        turn_scale: factor of the correlation before the softmax over turns
+    """
 
     def __init__(
         self, margin: float = 0.5, second_margin: float = 0.2, turn_scale: float = 200.0

@@ -47,9 +47,9 @@ class TupleScheme(TrainingScheme):
 
     loss_type = TupleLoss
 
-    per_batch: int = 2
-    positives: int = 2
-    negatives: int = 18
+    per_batch: int = 2  # tuples of a batch
+    positives: int = 2  # of a tuple
+    negatives: int = 18  # of a tuple
     per_epoch: int | None = None
     positive_radius: float = 10.0
     negative_radius: float = 50.0

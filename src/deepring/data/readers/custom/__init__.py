@@ -267,7 +267,7 @@ def _is(path: Path, kind: str) -> bool:
 READER = Reader(
     name="custom",
     title="custom drives",
-    layouts=("<name>.yaml, which describes scans and poses: docs/custom_data.md",),
+    layouts=("<name>.yaml, which describes scans and poses (`deepring schema drive_file`)",),
     open=open_custom,
     sessions=list_custom,
     file_endings=ENDINGS,

@@ -1,0 +1,1 @@
+"""A release: built, installed and used in empty environments; `python -m release`."""
