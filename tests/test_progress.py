@@ -187,7 +187,11 @@ def test_a_long_title_is_cut_and_the_numbers_stay():
     bar = progress._bar()
     bar.get_time = clock
     title = "DeepRING trained on many streets, tested on others: describing and looking up"
-    task = bar.add_task(title, total=9000)
+    task = bar.add_task(title, total=None)
+    shown = io.StringIO()
+    Console(file=shown, width=80).print(bar.get_renderable())
+    assert "?" not in shown.getvalue(), "before the number is known"
+    bar.update(task, total=9000)
     for done in (1800, 1900, 2000):
         clock.now += 10
         bar.update(task, completed=done)

@@ -176,6 +176,12 @@ def _bar() -> "RichProgress":
         def render(self, task: progress.Task) -> Text:
             return Text(task.description, no_wrap=True, overflow="ellipsis")
 
+    class Count(progress.MofNCompleteColumn):
+        """How many of how many, once that is known."""
+
+        def render(self, task: progress.Task) -> Text:
+            return Text("") if task.total is None else super().render(task)
+
     class Rate(progress.ProgressColumn):
         """How many a second, or how long for each."""
 
@@ -198,7 +204,7 @@ def _bar() -> "RichProgress":
     columns = (
         Title(),
         progress.BarColumn(bar_width=20, table_column=whole()),
-        progress.MofNCompleteColumn(table_column=whole()),
+        Count(table_column=whole()),
         Rate(table_column=whole()),
         Left(table_column=whole()),
     )

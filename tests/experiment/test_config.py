@@ -180,10 +180,11 @@ BESIDE = {
     "sampling=correspondences": ["method=dh3d", "stage=dh3d_local"],
     "loss=n_tuple": ["method=dh3d", "stage=dh3d_local"],
     "loss=reliability": ["method=dh3d", "stage=dh3d_local"],
-    **{f"stage=dh3d_{s}": ["method=dh3d"] for s in ("local", "detector", "place", "whole")},
     **{
-        f"stage=dh3d_{s}_small": ["method=dh3d_small"]
-        for s in ("local", "detector", "place", "whole")
+        f"{group}=dh3d_{part}{size}": [f"method=dh3d{size}"]
+        for group in ("stage", "stages")
+        for part in ("local", "detector", "place", "whole")
+        for size in ("", "_small")
     },
     "loss=contrastive": ["sampling=pairs"],
     "loss=soft_match": ["sampling=pairs", "method=rinet"],

@@ -48,7 +48,7 @@ def test_a_scan_is_drawn_with_x_upwards_and_y_to_the_left():
 @given(
     st.floats(-3.1, 3.1), st.floats(-30, 30), st.floats(-30, 30), st.floats(-9, 9), st.floats(-9, 9)
 )
-@settings(derandomize=True, max_examples=30)
+@settings(derandomize=True, max_examples=10)
 def test_an_overlay_carries_the_query_s_points_onto_the_place_s(yaw, x, y, px, py):
     pose = planar_pose(x, y, yaw)  # of the query's sensor in the place's frame
     lie = lie_of(pose)

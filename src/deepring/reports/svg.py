@@ -139,7 +139,7 @@ def dots(points: Iterable[Point], kind: str) -> str:
 def round_ticks(low: float, high: float, most: int = 5) -> list[float]:
     """Up to ``most`` round numbers between two, evenly apart.
 
-    >>> round_ticks(0, 23)
+    >>> round_ticks(0, 20)
     [0.0, 5.0, 10.0, 15.0, 20.0]
     """
     if not high > low:
