@@ -33,12 +33,23 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--constraint", type=_resolved, help="pip's -c; what it pins is never lowered"
     )
-    parser.add_argument("--folder", type=Path, help="where environments are made and deleted")
+    parser.add_argument("--folder", type=_made, help="where environments are made and deleted")
     return parser.parse_args(words)
 
 
 def _resolved(text: str) -> Path:
     return Path(text).resolve()
+
+
+def _made(text: str) -> Path:
+    folder = Path(text)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        raise argparse.ArgumentTypeError(
+            f"{text}: expected a folder that is there or can be made; give another one"
+        ) from None
+    return folder
 
 
 def main() -> None:
