@@ -1,7 +1,6 @@
 """The options of `python -m release`."""
 
 import pytest
-
 from release.__main__ import arguments
 
 
