@@ -145,6 +145,9 @@ def _option(group: str, name: str, file: Path, compose: Any) -> Iterator[str]:
     if group in ("train", "test") and not written:
         yield f"The dataset [`data={name}`](data.md#{name})."
         return
+    if group == "stages":
+        yield f"The values of [`stage={name}`](stage.md#{name}), as one stage of the training."
+        return
     if written and writes_globally(file):
         text = file.read_text(encoding="utf-8").rstrip()
         yield f'```yaml title="conf/{group}/{name}.yaml"\n{text}\n```'
