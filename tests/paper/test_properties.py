@@ -146,7 +146,7 @@ def test_a_pose_that_is_never_told_has_no_error(scans):
 
     found = measured(Silent(), scans)
     assert all(map(math.isnan, found.pose_error))
-    assert shown_tables([found], "", [])[1].rows[0][5].text == "-"
+    assert shown_tables([found], "", [])["properties_told"].rows[0][3].text == "-"
 
 
 def test_a_method_that_cannot_tell_places_apart_loses_nothing_that_could_be_told(scans):
@@ -158,7 +158,7 @@ def test_a_method_that_cannot_tell_places_apart_loses_nothing_that_could_be_told
 
     found = measured(Same(), scans)
     assert math.isnan(found.any_turn)
-    assert {row[4].text for row in shown_tables([found], "", [])[0].rows} == {"-"}
+    assert {row[4].text for row in shown_tables([found], "", [])["properties_borne"].rows} == {"-"}
 
 
 def test_scans_of_one_place_are_refused(scans):
@@ -193,12 +193,13 @@ def test_the_step_of_a_raster_is_its_sectors():
 
 def test_tables_say_what_is_exact_and_the_csv_has_every_number(scans):
     rows = [measured(FastHistogram(), scans), measured(Ring(BevRaster(cells=24)), scans)]
-    borne, told = shown_tables(rows, ": here", ["a note"])
+    borne, told, cost = shown_tables(rows, ": here", ["a note"]).values()
     cells = [[cell.text for cell in row] for row in borne.rows]
     assert cells[0][:6] == ["m", "same", "exact", "1°", "exact", "exact"]
     assert "here" in borne.title
     assert "a note" in borne.notes
-    assert [cell.text for cell in told.rows[0]][:7] == ["m", "100", "400", "-", "-", "-", "-"]
+    assert [cell.text for cell in told.rows[0]] == ["m", "-", "-", "-"]
+    assert [cell.text for cell in cost.rows[0]][:4] == ["m", "100", "400", "-"]
     numbers = number_table(rows)
     assert len(numbers.headers) == len(set(numbers.headers)) == len(numbers.rows[0])
     whole = dict(zip(numbers.headers, numbers.rows[1], strict=True))

@@ -40,7 +40,7 @@ def properties_command(args: argparse.Namespace) -> None:
     about = f": {source.title}, {len(scans)} scans, seed {args.seed}"
     tables = shown_tables(rows, about, _notes(methods, complaints))
     output = ShownTables(args.output, quiet=args.form == "json")
-    output.print(dict(zip(("properties_borne", "properties_told"), tables, strict=True)))
+    output.print(tables)
     for name in output.shown:
         output.write_shown(name)
     output.write_numbers("properties", number_table(rows))

@@ -1,4 +1,4 @@
-"""The tables of properties as texts: what a method bears, and what it tells and costs."""
+"""The tables of properties as texts: what a method bears, what it tells, and what it costs."""
 
 import math
 from collections.abc import Sequence
@@ -12,17 +12,23 @@ _ABOUT_LOSS = (
     f"other places: 0 as the scan itself, 1 as another place; exact: at most {EXACT:g}"
 )
 _ABOUT_SAME = (
-    "turned by whole sectors a scan has the same descriptor, or one that is aligned when it is "
+    "turned by whole sectors, each of that angle, a scan has the same descriptor, or one that is aligned when it is "
     "compared (loss below 0.5), or neither (-); by any angle where a method has no sectors"
 )
 
 
-def shown_tables(rows: Sequence[Properties], conditions: str, notes: Sequence[str]) -> list[Table]:
-    """What methods bear, and what they tell and cost.
+def shown_tables(
+    rows: Sequence[Properties], conditions: str, notes: Sequence[str]
+) -> dict[str, Table]:
+    """What methods bear, tell and cost, by the names of their files.
 
-    ``conditions`` are the words behind both titles, ``notes`` stand below the first table.
+    ``conditions`` are the words behind the titles, ``notes`` stand below the first table.
     """
-    return [_borne(rows, conditions, notes), _told(rows, conditions)]
+    return {
+        "properties_borne": _borne(rows, conditions, notes),
+        "properties_told": _told(rows, conditions),
+        "properties_cost": _cost(rows, conditions),
+    }
 
 
 def number_table(rows: Sequence[Properties]) -> Table:
@@ -49,7 +55,7 @@ def _numbers(row: Properties) -> list[str]:
 
 def _borne(rows: Sequence[Properties], conditions: str, notes: Sequence[str]) -> Table:
     shifts = [f"{metres:g} m" for metres in SHIFTS_M]
-    headers = ["Approach", "turned", "by sectors", "of", "any turn", "half turn", *shifts]
+    headers = ["Approach", "turned", "sectors", "each", "any turn", "half", *shifts]
     cells = [
         [
             *(row.method, _turned(row), _loss(row.sectors), _degrees(row.sector_deg)),
@@ -62,21 +68,29 @@ def _borne(rows: Sequence[Properties], conditions: str, notes: Sequence[str]) ->
 
 
 def _told(rows: Sequence[Properties], conditions: str) -> Table:
-    headers = [
-        *("Approach", "numbers", "bytes", "turn told to", "modulo", "pose told to"),
-        *("parameters", "ms/scan", "ms/pair"),
-    ]
+    headers = ["Approach", "turn told to", "modulo", "pose told to"]
     cells = [
         [
-            *(row.method, str(row.numbers), str(row.bytes), _degrees(row.turn_error_deg)),
+            *(row.method, _degrees(row.turn_error_deg)),
             NONE if row.turn_error_deg is None else _degrees(row.turn_period_deg),
             NONE if row.pose_error is None else _pose(*row.pose_error),
+        ]
+        for row in rows
+    ]
+    return Table(f"What methods tell{conditions}", headers, _cells(cells), 1)
+
+
+def _cost(rows: Sequence[Properties], conditions: str) -> Table:
+    headers = ["Approach", "numbers", "bytes", "parameters", "ms/scan", "ms/pair"]
+    cells = [
+        [
+            *(row.method, str(row.numbers), str(row.bytes)),
             str(row.parameters) if row.parameters else NONE,
             *map(short_text, (row.scan_ms, row.pair_ms)),
         ]
         for row in rows
     ]
-    return Table(f"What methods tell, and what they cost{conditions}", headers, _cells(cells), 1)
+    return Table(f"What methods cost{conditions}", headers, _cells(cells), 1)
 
 
 def _turned(row: Properties) -> str:
