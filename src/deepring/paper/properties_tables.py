@@ -12,8 +12,9 @@ _ABOUT_LOSS = (
     f"other places: 0 as the scan itself, 1 as another place; exact: at most {EXACT:g}"
 )
 _ABOUT_SAME = (
-    "turned by whole sectors, each of that angle, a scan has the same descriptor, or one that is aligned when it is "
-    "compared (loss below 0.5), or neither (-); by any angle where a method has no sectors"
+    "turned by whole sectors, each of that angle, a scan has the same descriptor, or one that is "
+    "aligned when it is compared (loss below 0.5), or neither (-); by any angle where a method has "
+    "no sectors"
 )
 
 
