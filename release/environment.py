@@ -39,7 +39,7 @@ class Environment:
         The files of packages are shared: pip replaces files and never writes into them.
         """
         shutil.copytree(other.folder, self.folder, symlinks=True, copy_function=os.link)
-        shutil.copytree(other.work, self.work, dirs_exist_ok=True)
+        shutil.copytree(other.work, self.work, symlinks=True, dirs_exist_ok=True)
 
     def install(self, *packages: str, constraints: Path | None = None) -> None:
         """Install packages with pip, as the machine's pip is configured."""

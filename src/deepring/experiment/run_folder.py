@@ -1,6 +1,7 @@
 """The folder of a run: its config, its versions, and the link ``latest`` beside it."""
 
 import json
+import logging
 import os
 import platform
 import subprocess
@@ -24,6 +25,8 @@ from deepring.io.files import replacing
 from deepring.io.plain_yaml import plain_yaml
 from deepring.io.text import read_text
 from deepring.io.typed import typed, typed_values
+
+log = logging.getLogger(__name__)
 
 PACKAGES = ("deepring", "torch", "lightning", "hydra-core", "torchmetrics", "numpy", "scipy")
 
@@ -132,8 +135,19 @@ class LinkLatest(Callback):
 
 
 def link_latest(folder: Path) -> None:
-    """Point ``latest`` beside ``folder`` at it, in one step."""
+    """Point ``latest`` beside ``folder`` at it, in one step.
+
+    A ``latest`` that is a folder, as a copy that follows links leaves it, stays, with a warning.
+    """
+    latest = folder.parent / "latest"
+    if latest.is_dir() and not latest.is_symlink():
+        log.warning(
+            "%s is a folder, not a link to the newest run, and is left as it is; delete it, and "
+            "the next run links it again",
+            latest,
+        )
+        return
     fresh = folder.parent / f".latest-{os.getpid()}"
     fresh.unlink(missing_ok=True)
     fresh.symlink_to(folder.name, target_is_directory=True)
-    fresh.replace(folder.parent / "latest")
+    fresh.replace(latest)
