@@ -233,7 +233,7 @@ def add_loops(parser: Parser) -> None:
     parser.add_argument(
         "--optimize",
         action="store_true",
-        help="close the refined loops in a pose graph (needs deepring[refine,optimize])",
+        help="close the refined loops in a pose graph (needs deepring[optimize])",
     )
     add_looking(parser, page=False)
     add_form(parser, "text")
