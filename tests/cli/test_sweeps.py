@@ -118,6 +118,7 @@ def test_one_failing_job_loses_no_other_and_the_next_start_skips_what_is_done(ti
     assert "1 of 2 jobs finished" in again.stdout
 
 
+@pytest.mark.slow  # `make kill` kills a sweep at many instants; test_sweep.py breaks a job off
 def test_a_killed_sweep_started_again_ends_in_the_same_figures(tiny_nclt, tmp_path, start):
     command = [
         *("sweep=table3", "seed=0", "variant=ours,gap", "data=sim_nclt"),
