@@ -128,6 +128,13 @@ def test_points_that_tell_no_transform_give_none():
     assert consensus(torch.zeros(9, 3), torch.zeros(9, 3), reach=0.5) is None
 
 
+def test_a_transform_that_carries_none_of_its_own_matches_is_none():
+    triangle = torch.tensor([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [4.5, 7.794, 0.0]])
+    larger = triangle * (1 + 1.9 / 9.0)  # sides differ by less than 2 m, corners by 1.1 m
+    assert consensus(triangle, larger, 1.0) is None
+    assert consensus(triangle, larger, 1.2) is not None
+
+
 def test_a_pose_carries_the_places_points_onto_the_querys():
     network = small(agreeing=4)
     raster = network.raster

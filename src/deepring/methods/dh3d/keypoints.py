@@ -82,7 +82,8 @@ def consensus(
 ) -> Consensus | None:
     """The transform of three matches that carries most points to within ``reach`` of their targets.
 
-    It is fitted to all of these matches at the end. None where no three matches tell a transform.
+    It is fitted to all of these matches at the end. None where no three matches tell a transform, or
+    none carries three to within ``reach``.
     Source: Fischler and Bolles (RANSAC, 1981); triples whose sides differ by more than twice the
     reach are left out before they are fitted.
     """
@@ -98,6 +99,8 @@ def consensus(
     within = _off(transforms, points, targets) < reach
     best = int(within.sum(dim=1).argmax())
     transform, agrees = transforms[best], within[best]
+    if agrees.sum() < 3:  # not even the three that it was fitted to
+        return None
     for _ in range(_FITS):
         fitted, known = rigid_fit(
             points[None, agrees], targets[None, agrees], equal[:1, :1].expand(1, int(agrees.sum()))
