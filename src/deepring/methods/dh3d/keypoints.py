@@ -82,8 +82,8 @@ def consensus(
 ) -> Consensus | None:
     """The transform of three matches that carries most points to within ``reach`` of their targets.
 
-    It is fitted to all of these matches at the end. None where no three matches tell a transform, or
-    none carries three to within ``reach``.
+    It is fitted to all of these matches at the end. None where no three matches tell a transform,
+    or none carries three to within ``reach``.
     Source: Fischler and Bolles (RANSAC, 1981); triples whose sides differ by more than twice the
     reach are left out before they are fitted.
     """
