@@ -6,7 +6,7 @@ Source: Komorowski et al., RA-L 2021, Sec. III-C; jac99/Egonn (datasets/samplers
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -19,9 +19,7 @@ from deepring.methods.method import describe_all
 from deepring.methods.network import NetworkMethod
 from deepring.training.scheme import Step, TrainingScheme, TrainingSet
 from deepring.training.training_scans import TrainingScans, check_radii, within
-
-TripletMining = Literal["hardest", "semihard", "all"]
-"""The triplets of a batch that count, see `BatchHardTriplet`."""
+from deepring.training.triplets import TRIPLETS, TripletMining, batch_accuracy, squared_distances
 
 
 class ScanBatch(NamedTuple):
@@ -90,57 +88,11 @@ class BatchHardTriplet(ScanBatchLoss):
         mining = self.mining if self.batches >= self.warm_up else "all"
         if self.training:
             self.batches += 1
-        violation = (self.margin + _TRIPLETS[mining](distance, positives, negatives)).clamp_min(0)
+        violation = (self.margin + TRIPLETS[mining](distance, positives, negatives)).clamp_min(0)
         active = violation > 0
         loss = violation.sum() / active.sum().clamp_min(1)
         ratio = active.float().mean() if len(active) else vectors.new_zeros(())
         return Step(loss, batch_accuracy(distance, positives, negatives), {"active": ratio})
-
-
-def squared_distances(vectors: Tensor) -> Tensor:
-    """(b, b) squared Euclidean distances of vectors (b, d)."""
-    return (vectors[:, None] - vectors[None]).square().sum(dim=-1)
-
-
-def batch_accuracy(distance: Tensor, positives: Tensor, negatives: Tensor) -> Tensor:
-    """Share of scans, detached, whose farthest positive is nearer than all their negatives.
-
-    Scans without a positive or a negative do not count; 0 where none has both.
-    """
-    positive, negative = _extremes(distance, positives, negatives)
-    right = (positive < negative).float()
-    return (right.mean() if len(right) else distance.new_zeros(())).detach()
-
-
-def _extremes(distance: Tensor, positives: Tensor, negatives: Tensor) -> tuple[Tensor, Tensor]:
-    """Distances of the farthest positive and the nearest negative of each scan that has both."""
-    usable = positives.any(dim=1) & negatives.any(dim=1)
-    positive = distance.masked_fill(~positives, -torch.inf).amax(dim=1)[usable]
-    negative = distance.masked_fill(~negatives, torch.inf).amin(dim=1)[usable]
-    return positive, negative
-
-
-def _hardest(distance: Tensor, positives: Tensor, negatives: Tensor) -> Tensor:
-    positive, negative = _extremes(distance, positives, negatives)
-    return positive - negative
-
-
-def _semihard(distance: Tensor, positives: Tensor, negatives: Tensor) -> Tensor:
-    scan, partner = (positives & negatives.any(dim=1, keepdim=True)).nonzero(as_tuple=True)
-    own = distance[scan, partner]
-    rows, other = distance[scan], negatives[scan]
-    beyond = rows.masked_fill(~(other & (rows > own[:, None])), torch.inf).amin(dim=1)
-    farthest = rows.masked_fill(~other, -torch.inf).amax(dim=1)
-    return own - torch.where(beyond.isinf(), farthest, beyond)
-
-
-def _all(distance: Tensor, positives: Tensor, negatives: Tensor) -> Tensor:
-    triplets = positives[:, :, None] & negatives[:, None, :]
-    return (distance[:, :, None] - distance[:, None, :])[triplets]
-
-
-_TRIPLETS = {"hardest": _hardest, "semihard": _semihard, "all": _all}
-"""d(a, p) - d(a, n) of the chosen triplets, (t,)."""
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,9 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from deepring import checks
-from deepring.training.batch_hard import (
-    ScanBatch,
-    ScanBatchLoss,
-    batch_accuracy,
-    squared_distances,
-)
+from deepring.training.batch_hard import ScanBatch, ScanBatchLoss
 from deepring.training.scheme import Step
+from deepring.training.triplets import batch_accuracy, squared_distances
 from deepring.training.tuples import TurnCrossEntropy
 
 
