@@ -5,15 +5,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from filelock import FileLock, Timeout
 
 from deepring import checks
 from deepring.errors import DataError, DeepringError, FileError, StoppedError
+from deepring.experiment.json_record import read_record
 from deepring.experiment.workers import Worker, worker_of
 from deepring.io.files import replacing, text_of
-from deepring.io.strict_json import read_json
 from deepring.text import shown
 
 State = Literal["running", "finished", "failed", "interrupted"]
@@ -47,21 +47,12 @@ def read_status(folder: Path) -> Status | None:
 
     Raises FileError if ``status.json`` cannot be read.
     """
-    path = folder / "status.json"
-    try:
-        values = read_json(path.read_text(encoding="utf-8"))
-        return _checked(Status(**values | {"worker": worker_of(values.get("worker"))}))
-    except FileNotFoundError:
-        return None
-    except DeepringError as error:
-        reason = str(error)
-    except OSError as error:
-        reason = f"cannot be read ({error.strerror})"
-    except (ValueError, TypeError, AttributeError):
-        reason = "does not hold a status as JSON"
-    raise FileError(
-        f"{path}: {reason}; expected the status of a run; delete the file to run it again"
-    )
+    expected = "the status of a run; delete the file to run it again"
+    return read_record(folder / "status.json", _parsed, "a status", expected)
+
+
+def _parsed(values: Any) -> Status:
+    return _checked(Status(**values | {"worker": worker_of(values.get("worker"))}))
 
 
 def is_finished(folder: Path) -> bool:

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from deepring import checks
-from deepring.errors import DataError, DeepringError, FileError
+from deepring.errors import DataError
+from deepring.experiment.json_record import read_record
 from deepring.experiment.workers import Worker, worker_of
 from deepring.io.files import replacing
-from deepring.io.strict_json import read_json
 from deepring.text import shown
 
 FILE = "sweep.json"
@@ -94,20 +94,8 @@ def end_plan(sweep: Path, errors: Mapping[str, str | None]) -> None:
 
 def read_plan(sweep: Path) -> SweepPlan | None:
     """The plan in a sweep's folder, or None. Raises FileError if the file cannot be read."""
-    path = sweep / FILE
-    try:
-        return _parsed(read_json(path.read_text(encoding="utf-8")))
-    except FileNotFoundError:
-        return None
-    except DeepringError as error:
-        reason = str(error)
-    except OSError as error:
-        reason = f"cannot be read ({error.strerror})"
-    except (ValueError, TypeError, AttributeError, KeyError):
-        reason = "does not hold the plan of a sweep as JSON"
-    raise FileError(
-        f"{path}: {reason}; expected the jobs of a sweep; delete the file, or start the sweep again"
-    )
+    expected = "the jobs of a sweep; delete the file, or start the sweep again"
+    return read_record(sweep / FILE, _parsed, "the plan of a sweep", expected)
 
 
 def _write(sweep: Path, plan: SweepPlan) -> None:
