@@ -11,15 +11,16 @@ from typing import Any, cast, get_type_hints
 
 import lightning as L
 import torch
-from lightning.pytorch.callbacks import Callback, LearningRateMonitor
+from lightning.pytorch.callbacks import Callback
 
 from deepring.checks import of_type
 from deepring.data.cache import RasterCache
 from deepring.data.dataset import DatasetConfig, PlaceDataset
 from deepring.errors import ConfigError
+from deepring.experiment.callback_nodes import callback_nodes, check_callbacks
 from deepring.experiment.config import Config
 from deepring.experiment.loggers import make_logger
-from deepring.experiment.objects import make, target_of
+from deepring.experiment.objects import class_of, make
 from deepring.experiment.start import NOTHING, TrainedBefore
 from deepring.experiment.trainer_values import check_trainer
 from deepring.io.typed import typed, typed_values
@@ -33,9 +34,6 @@ from deepring.training.module import PlaceModule
 from deepring.training.scheme import TrainingScheme
 
 log = logging.getLogger(__name__)
-
-#: Metrics of each validation set.
-METRICS = ("recall@1", "auc")
 
 #: Keys of a method's node that are not settings.
 NOT_SETTINGS = ("_target_", "label", "note")
@@ -65,14 +63,6 @@ def datasets(cfg: Config) -> Datasets:
         ]
 
     return open_all("train_data", cfg.train_data), open_all("test_data", cfg.test_data)
-
-
-def class_of(node: Any, key: str = "method") -> type[Any]:
-    """The class that a node names. Raises ConfigError if it cannot be imported, or is no class."""
-    target = target_of(node, key)
-    if not isinstance(target, type):
-        raise ConfigError(f"{key}._target_: {node['_target_']!r} is no class, expected one")
-    return target
 
 
 def learns(node: Mapping[str, Any] | None) -> bool:
@@ -227,7 +217,7 @@ def check_training(cfg: Config) -> None:
         make(cfg.loss, "loss")
     check_optimizer(cfg)
     check_trainer(cfg.trainer)
-    _callback_nodes(cfg)
+    callback_nodes(cfg)
 
 
 def trainer(
@@ -257,47 +247,6 @@ def trainer(
         # Each process draws its own batches; see BatchOrder.
         use_distributed_sampler=False,
     )
-
-
-def check_callbacks(cfg: Config, validation: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """The nodes of the callbacks, by name.
-
-    Raises ConfigError for one that is no node, or waits for what is not logged.
-    """
-    nodes = _callback_nodes(cfg)
-    _check_monitors(nodes, validation)
-    return nodes
-
-
-def _callback_nodes(cfg: Config) -> dict[str, dict[str, Any]]:
-    """The nodes of the callbacks, by name. Raises ConfigError that names one which is no node.
-
-    Without a logger, a monitor of the learning rate has nothing to do, and is left out.
-    """
-    nodes = {}
-    for name, node in cfg.callbacks.items():
-        if node is None:
-            continue
-        cls = class_of(node, f"callbacks.{name}")
-        if cfg.logger is None and issubclass(cls, LearningRateMonitor):
-            continue
-        nodes[name] = dict(node)
-    return nodes
-
-
-def _check_monitors(nodes: Mapping[str, Mapping[str, Any]], validation: Sequence[str]) -> None:
-    """Raise ConfigError for a callback that waits for a value which is never logged.
-
-    A scheme of one's own may log more of its training than is known here.
-    """
-    known = ["val/recall@1", *(f"val/{n}/{kind}" for n in validation for kind in METRICS)]
-    for name, node in nodes.items():
-        monitor = node.get("monitor")
-        if validation and monitor not in (None, *known) and not str(monitor).startswith("train/"):
-            raise ConfigError(
-                f"callbacks.{name}.monitor: {monitor!r}, expected one of {', '.join(known)}, or "
-                "train/loss"
-            )
 
 
 def device(cfg: Config) -> torch.device:

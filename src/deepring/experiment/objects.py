@@ -94,6 +94,14 @@ _EXAMPLES = {
 }
 
 
+def class_of(node: Any, key: str = "method") -> type[Any]:
+    """The class that a node names. Raises ConfigError if it cannot be imported, or is no class."""
+    target = target_of(node, key)
+    if not isinstance(target, type):
+        raise ConfigError(f"{key}._target_: {node['_target_']!r} is no class, expected one")
+    return target
+
+
 def _parameters(target: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
     """The target's parameters by name; none where Python cannot tell."""
     try:

@@ -15,6 +15,7 @@ from deepring.data.dataset import PlaceDataset, RetrievalSet
 from deepring.errors import ConfigError, DeepringError
 from deepring.experiment import build
 from deepring.experiment.config import Config, EvaluationSettings
+from deepring.experiment.objects import class_of
 from deepring.experiment.record import record_of
 from deepring.methods.method import Method
 from deepring.methods.network import NetworkMethod, class_path
@@ -135,12 +136,12 @@ def label(network: NetworkMethod) -> str:
 
 def own_class(node: dict[str, Any] | None) -> type[NetworkMethod] | None:
     """The class of the config's ``method``, which a checkpoint may name; None if not a network."""
-    return None if node is None or not build.learns(node) else build.class_of(node)
+    return None if node is None or not build.learns(node) else class_of(node)
 
 
 def _check_method(node: dict[str, Any] | None, network: NetworkMethod, checkpoint: Path) -> None:
     """Raise ConfigError if the checkpoint is of another method than the config."""
-    if node is None or build.class_of(node) is type(network):
+    if node is None or class_of(node) is type(network):
         return
     raise ConfigError(
         f"checkpoint: {checkpoint} holds a network of {label(network)} ({class_path(network)}), "

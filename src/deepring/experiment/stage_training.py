@@ -14,6 +14,7 @@ from deepring.data.dataset import PlaceDataset
 from deepring.errors import ConfigError, StoppedError
 from deepring.evaluation.case import shortened
 from deepring.experiment import build, loggers
+from deepring.experiment.callback_nodes import check_callbacks
 from deepring.experiment.config import Config
 from deepring.experiment.hyperparameters import hyperparameters
 from deepring.experiment.record import record_of
@@ -130,7 +131,7 @@ def check_stage(stage: Stage, trains: list[PlaceDataset]) -> None:
     try:
         build.check_training(stage.cfg)
         module = build.module(stage.cfg, trains, build.network(stage.cfg.method))
-        build.check_callbacks(stage.cfg, module.validation)
+        check_callbacks(stage.cfg, module.validation)
     except ConfigError as error:
         raise ConfigError(f"stages.{stage.name}: {error}") from error
 
