@@ -105,8 +105,8 @@ def _scaled(clear: list[Overlay]) -> Finding | None:
         return None
     return Finding(
         "poses",
-        f"{len(ratios)} pairs of neighbouring scans fit best {scale:.2f} times as far apart as they "
-        "are by the poses (median), expected 1.00",
+        f"{len(ratios)} pairs of neighbouring scans fit best {scale:.2f} times as far apart as "
+        "they are by the poses (median), expected 1.00",
         f"check the scale of the poses: times {scale:.2f} they would fit",
     )
 

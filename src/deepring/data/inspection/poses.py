@@ -185,7 +185,8 @@ def _steps(session: Session, motion: Motion) -> list[Finding]:
     # A jump or two may be of one scan; most steps are of no drive in any case.
     unusable = motion.step > FARTHEST_STEP or (motion.step > LONGEST_STEP and fast.mean() > 0.5)
     if unusable:
-        advice += f"; if they are millimetres, neighbouring ones are {motion.step / 1000:.1f} m apart"
+        apart = f"{motion.step / 1000:.1f} m apart"
+        advice += f"; if they are millimetres, neighbouring ones are {apart}"
     return [Finding("poses", text, advice, unusable) for text in found]
 
 
