@@ -18,11 +18,12 @@ from omegaconf import DictConfig
 from deepring.cli.console import console
 from deepring.cli.ddp import restartable
 from deepring.cli.json_output import print_as
-from deepring.cli.mistakes import INTERRUPTED, is_mistake, report_mistakes
+from deepring.cli.mistakes import is_mistake, report_mistakes
 from deepring.cli.output_streams import open_streams
 from deepring.cli.overrides import checked, is_sweep, quoted, value_of
 from deepring.cli.process import tune_process
 from deepring.cli.results_content import results_content
+from deepring.cli.stop_signals import stop_status
 from deepring.errors import ConfigError
 from deepring.evaluation.pose_errors import PoseErrors
 from deepring.evaluation.results import Result
@@ -98,7 +99,7 @@ def run_multirun(arguments: Sequence[str]) -> SweepOutcomes:
         print(f"sweep        {done} of {done + left} jobs finished", file=sys.stderr)
         say_failed(outcomes)
         print("interrupted; the same command goes on with what is left", file=sys.stderr)
-        sys.exit(INTERRUPTED)
+        sys.exit(stop_status())
     return outcomes
 
 
