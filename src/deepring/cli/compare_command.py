@@ -58,7 +58,7 @@ def compare_command(args: argparse.Namespace) -> None:
     finished = [folder for outcomes in sweeps for folder in outcomes.finished]
     failed = any(outcomes.failed for outcomes in sweeps)
     of_tables, page, trouble = None, None, None
-    if folders := list(dict.fromkeys(folder.parent for folder in finished)):
+    if folders := list(dict.fromkeys(from_here(folder.parent) for folder in finished)):
         wanted = parse(["tables", *map(str, folders), "--as", args.form])
         of_tables = make_tables(wanted)
         page, trouble = _page(folders, wanted.radius, one_of("over", wanted.over, Over))
@@ -81,7 +81,7 @@ def _page(
 
     Returns its path, or why there is none, which is said where it is a mistake and no bug.
     """
-    path = from_here(folders[0] / PAGE)
+    path = folders[0] / PAGE
     try:
         write_page(path, sweep_page(folders, radius, over, path.parent))
     except Exception as error:

@@ -167,4 +167,4 @@ def _runs_table(runs: Sequence[Run], folder: Path, beside: Path) -> str:
         return [html.link(name, to), *map(escaped, (str(run.seed), minutes, methods))]
 
     head = ("run", "seed", "training (min)", "methods")
-    return html.table_of_html(head, map(row, runs))
+    return html.table_of_html(head, map(row, runs), ("methods",))

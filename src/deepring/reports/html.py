@@ -88,7 +88,7 @@ def table_of_html(
     head: Sequence[str], rows: Iterable[Sequence[str]], words: Collection[str] = ()
 ) -> str:
     """A table whose cells are HTML already, otherwise as `table`."""
-    kinds = [' class="text"' if name in words else "" for name in head]
+    kinds = [_of_words(name in words) for name in head]
     cells = "".join(
         f'<th scope="col"{kind}>{escaped(name)}</th>'
         for name, kind in zip(head, kinds, strict=True)
@@ -108,7 +108,10 @@ def table_of_html(
 def shown_table(table: Table) -> str:
     """A table as documents have it: the best in bold, rules between groups, notes below."""
     table = printable_table(table)
-    cells = "".join(f'<th scope="col">{escaped(name)}</th>' for name in table.headers)
+    heads = enumerate(map(escaped, table.headers))
+    cells = "".join(
+        f'<th scope="col"{_of_words(number < table.names)}>{name}</th>' for number, name in heads
+    )
     lines = []
     for number, row in enumerate(table.rows):
         rule = ' class="rule"' if number in table.breaks else ""
@@ -126,7 +129,12 @@ def _cell(column: int, cell: Cell, names: int) -> str:
     words = f"<b>{escaped(cell.text)}</b>" if cell.bold else escaped(cell.text)
     if column == 0:
         return f'<th scope="row">{words}</th>'
-    return f'<td class="text">{words}</td>' if column < names else f"<td>{words}</td>"
+    return f"<td{_of_words(column < names)}>{words}</td>"
+
+
+def _of_words(are: bool) -> str:
+    """The class of a cell that holds words and no number."""
+    return ' class="text"' if are else ""
 
 
 def long_table(

@@ -103,15 +103,9 @@ class Plot:
         title = f"<title>{escaped(told)}</title>"
         return f'<path class="bar {kind}" d="M{left} {bottom}H{right}V{top}H{left}Z">{title}</path>'
 
-    def whisker(self, x: float, low: float, high: float, kind: str, beside: float = 0.0) -> str:
-        """An interval as an upright line, a little ``beside`` its place, in units of the box."""
-        (across, bottom), (_, top) = self.at(x, low), self.at(x, high)
-        return f'<path class="whisker {kind}" d="M{across + beside:g} {bottom}V{top}"/>'
-
-    def dot(self, x: float, y: float, kind: str, told: str = "", beside: float = 0.0) -> str:
+    def dot(self, x: float, y: float, kind: str, told: str = "") -> str:
         """A dot; ``told`` is said where the pointer rests on it."""
-        across, up = self.at(x, y)
-        return dot(across + beside, up, kind, told)
+        return dot(*self.at(x, y), kind, told)
 
 
 def dot(x: float, y: float, kind: str, told: str = "", size: float = 3.2) -> str:
