@@ -30,8 +30,14 @@ def _script(file: Path) -> str:
     code = text.split('"""', 2)[2].strip()
     return (
         f"# {title.rstrip('.')}\n\n{rest.strip()}\n\n"
-        f'```python title="examples/{file.name}"\n{code}\n```\n'
+        f'```python title="examples/{file.name}"\n{code}\n```\n\n'
+        f"It prints (`...` stands for more):\n\n```text\n{printed_by(file)}```\n"
     )
+
+
+def printed_by(file: Path) -> str:
+    """What a script prints, from the text file beside it; ``...`` stands for more."""
+    return file.with_suffix(".txt").read_text(encoding="utf-8")
 
 
 def _notebook(file: Path) -> Iterator[str]:

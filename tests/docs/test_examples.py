@@ -8,11 +8,12 @@ import runpy
 import sys
 
 import pytest
-from docsite.example_pages import example_pages
+from docsite.example_pages import example_pages, printed_by
 from docsite.generated import ROOT
 
 from deepring.data import readers
 from helpers.cli import as_new_process
+from helpers.pages import expect_output
 
 EXAMPLES = ROOT / "examples"
 
@@ -24,12 +25,14 @@ def folder(tmp_path_factory):
 
 
 def output(name, folder):
+    """What a script prints, which is what its page shows."""
     before = dict(readers._registered)
     with as_new_process(folder), contextlib.redirect_stdout(io.StringIO()) as out:
         sys.argv = [name]
         runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
     readers._registered.clear()
     readers._registered.update(before)
+    expect_output(printed_by(EXAMPLES / f"{name}.py"), out.getvalue(), f"{name}.txt")
     return out.getvalue()
 
 
@@ -78,4 +81,6 @@ def test_every_script_and_notebook_has_a_page_with_its_code():
         page = pages[f"examples/{file.stem}.md"]
         assert page.startswith("# ")
         assert f"({file.stem}.md)" in pages["examples/index.md"]
-        assert file.suffix != ".py" or file.read_text("utf-8").split('"""')[2].strip() in page
+        if file.suffix == ".py":
+            assert file.read_text("utf-8").split('"""')[2].strip() in page
+            assert printed_by(file) in page
