@@ -108,7 +108,7 @@ $(DOCS_INSTALLED): $(INSTALLED)
 
 docs: $(DOCS_INSTALLED)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
-	@echo "outputs/site/index.html; $(BIN)/python -m http.server -d outputs/site serves it"
+	@echo "outputs/site/index.html; $(BIN)/python -m http.server -d outputs/site serves it, with its search"
 
 docs-test: $(DOCS_INSTALLED)
 	$(BIN)/python -m pytest -m docs tests/docs

@@ -1,4 +1,4 @@
-"""What docs/architecture.md tells a contributor to write, written and run."""
+"""What docs/extending.md tells a contributor to write, written and run."""
 
 import math
 
@@ -15,7 +15,7 @@ from deepring.rasters import RASTERS, Preprocessing, make_raster, raster_setting
 from helpers.pages import blocks_of
 from helpers.scenes import scattered
 
-PAGE = "architecture.md"
+PAGE = "extending.md"
 
 
 def run_example(heading):
@@ -27,7 +27,7 @@ def run_example(heading):
 
 @pytest.fixture
 def density():
-    raster = run_example("Adding a raster")["DensityRaster"]
+    raster = run_example("A raster")["DensityRaster"]
     yield raster
     del RASTERS["density"]
 
@@ -45,7 +45,7 @@ def drive(tmp_path):
 
 
 def test_the_method_of_the_docs_finds_each_scan_again(drive, tmp_path):
-    method = run_example("Adding a method")["Mine"]()
+    method = run_example("A method that learns nothing")["Mine"]()
     scans = ScanSet(drive, np.arange(4))
     _, rasters, broken = RasterCache(tmp_path).load(scans, method.raster)
     assert not broken
@@ -56,7 +56,7 @@ def test_the_method_of_the_docs_finds_each_scan_again(drive, tmp_path):
 
 
 def test_the_method_of_the_docs_passes_the_check_of_the_docs():
-    blocks = [block.text for block in blocks_of(PAGE, "Adding a method", "python")]
+    blocks = [block.text for block in blocks_of(PAGE, "A method that learns nothing", "python")]
     assert "check_method(Mine())" in blocks[1]
     exec(compile("\n".join(blocks), PAGE, "exec"), {"__name__": "docs.checked_method"})
 

@@ -115,6 +115,7 @@ def test_a_comparison_prints_its_jobs_and_tables_as_one_object(tiny_nclt, there)
     compared = there("sweep", "compare", *options, *where, *RING[:2])
     assert [job["state"] for job in compared["jobs"]] == ["finished"]
     assert compared["tables"]["numbers"][0]["rows"][0]["method"] == "RING"
+    assert (there.folder / compared["page"]).is_file()
 
 
 def test_maps_are_told_as_they_are(mapped, tiny_nclt, there):

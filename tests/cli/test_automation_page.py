@@ -8,7 +8,8 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from deepring.cli import main as entry
-from deepring.cli.mistakes import BUG, INTERRUPTED, MISTAKE
+from deepring.cli.mistakes import BUG, MISTAKE
+from deepring.cli.stop_signals import INTERRUPTED, TERMINATED
 from deepring.data.readers import binary_formats
 from deepring.data.readers.custom.custom_scans import UP
 from deepring.data.readers.custom.drive_file import _KEYS, read_drives
@@ -33,7 +34,7 @@ def test_the_page_lists_every_schema():
 
 def test_the_page_lists_every_status():
     listed = {int(status) for status, _ in rows("Exit statuses") if status.isdigit()}
-    assert listed == {0, 1, MISTAKE, BUG, INTERRUPTED}
+    assert listed == {0, 1, MISTAKE, BUG, INTERRUPTED, TERMINATED}
 
 
 def test_a_schema_is_printed_as_its_file_is(tmp_path):

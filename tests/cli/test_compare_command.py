@@ -1,10 +1,15 @@
 """`deepring compare` as a user types it: trains, evaluates, prints both tables, goes on."""
 
+import pytest
+
+from deepring.cli.compare_command import compare_command
+from deepring.cli.main import parse
 from deepring.evaluation.reranked_labels import method_label
 from deepring.evaluation.results import read_results
 from deepring.experiment.sweep_outcomes import SweepOutcomes
 from deepring.experiment.sweep_plan import read_plan
 from helpers.cli import deepring, refused
+from helpers.html_pages import table_rows
 
 TINY = (
     *("sampling.ways=2", "sampling.queries=1", "sampling.per_epoch=2", "trainer.max_epochs=1"),
@@ -55,8 +60,23 @@ def test_tables_come_of_one_command_and_a_second_start_trains_nothing(
     assert planned == {path.parent.name for path in sweep.glob("*/status.json")}
     written = {path.name for path in (sweep / "tables").iterdir()}
     assert {"table1.md", "further.tex", "comparison.csv", "pr_curves.png"} <= written
+    page = sweep / "report.html"
+    assert done.stdout.splitlines()[-1].split() == ["report", str(page.relative_to(tmp_path))]
+    text = page.read_text(encoding="utf-8")
+    assert {"RING", "DeepRING"} <= {row[0] for row in table_rows(text)}
+    page.unlink()
     again = deepring(*learned, cwd=tmp_path)
     assert "finished before: skipped" in again.stderr
+    assert page.read_text(encoding="utf-8") == text
+    page.unlink()
+    page.mkdir()  # what stands in the way of the page alone
+    tables = {path.name: path.read_bytes() for path in (sweep / "tables").glob("*.csv")}
+    without = deepring(*learned, cwd=tmp_path)
+    assert without.returncode == 1
+    assert "Table I)" in without.stdout
+    assert "report.html" not in without.stdout
+    assert f"no page      {page.relative_to(tmp_path)}: " in without.stderr
+    assert {path.name: path.read_bytes() for path in (sweep / "tables").glob("*.csv")} == tables
     # The kept descriptors give the same figures without scans or network; re-ranking needs scans.
     scored = deepring("score", job, "-o", "again.csv", cwd=tmp_path)
     assert scored.returncode == 0, scored.stderr
@@ -112,3 +132,19 @@ def test_what_cannot_be_compared_is_said(tmp_path):
     refused(deepring("compare", "--learned=", "--fixed=", cwd=tmp_path), "both empty")
     refused(deepring("compare", "--learned=", "--fixed", "rign", cwd=tmp_path), "rign")
     assert not list(tmp_path.rglob("results.csv"))
+
+
+def test_a_bug_in_the_page_is_no_mistake_and_the_tables_come_first(tmp_path, monkeypatch):
+    where = "deepring.cli.compare_command."
+    done = []
+
+    def broken(*_):
+        raise RuntimeError("a bug")
+
+    outcomes = SweepOutcomes([tmp_path / "job"], [])
+    monkeypatch.setattr(where + "run_multirun", lambda _: outcomes)
+    monkeypatch.setattr(where + "make_tables", lambda args: done.append(args.paths))
+    monkeypatch.setattr(where + "sweep_page", broken)
+    with pytest.raises(RuntimeError, match="a bug"):
+        compare_command(parse(["compare", "--learned=", "--fixed", "ring"]))
+    assert done == [[tmp_path]]

@@ -6,6 +6,7 @@ import json
 import math
 import sys
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -541,9 +542,26 @@ def test_options_that_the_scans_leave_without_a_meaning(place_map, second, tmp_p
         (tmp_path / f"{k}.bin").write_bytes(second.files[k].read_bytes())
     done = refused(here("localize", place_map, tmp_path), "0.bin", "--format")
     assert len(done.stderr.splitlines()) == 1
-    scans = ("localize", place_map, tmp_path, "--format", "nclt")
+    scans = ("localize", place_map, tmp_path / "0.bin", "--format", "nclt")
     for option in ("--topic", "--session", "--every"):
         refused(here(*scans, option, "3"), f"{option}: 3, expected only with a")
+
+
+def test_scans_of_a_dataset_are_located_beside_their_poses(place_map, second, tiny_nclt, here):
+    chosen = ("--session", second.name, "--every", "9", "--as", "jsonl")
+    done = here("localize", place_map, tiny_nclt, *chosen)
+    assert done.returncode == 0, done.stderr
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [Path(row["scan"]) for row in rows] == list(second.files[::9])
+    refused(here("localize", place_map, tiny_nclt), "2 sessions", "--session")
+
+
+def test_of_a_folder_every_nth_scan_is_located(place_map, second, here):
+    folder = second.files[0].parent
+    done = here("localize", place_map, folder, "--format", "nclt", "--every", "9", "--as", "jsonl")
+    assert done.returncode == 0, done.stderr
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [Path(row["scan"]) for row in rows] == sorted(folder.iterdir())[::9]
 
 
 def test_consecutive_scans_are_joined(place_map, second, tmp_path, here, monkeypatch):

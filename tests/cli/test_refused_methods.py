@@ -101,8 +101,8 @@ def test_descriptors_are_not_scored_without_the_weights_that_compare_them(tmp_pa
 
 
 def test_the_docs_say_what_can_be_done_with_each_method():
-    """The table of docs/comparison.md, against what the methods offer."""
-    text = (Path(__file__).parents[2] / "docs" / "comparison.md").read_text()
+    """The table of docs/methods/index.md, against what the methods offer."""
+    text = (Path(__file__).parents[2] / "docs" / "methods" / "index.md").read_text()
     lines = text.partition("| method | turn | relative pose |")[2].splitlines()[2:]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
     found = {row[0].strip("`"): row[1:] for row in rows[: lines.index("")]}

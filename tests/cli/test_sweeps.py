@@ -211,6 +211,27 @@ def test_a_killed_worker_loses_no_job(tiny_nclt, tmp_path, start):
     assert set(rates(folder)) == {"seed-0", "seed-1"}
 
 
+@pytest.mark.slow  # four processes; test_stop_signals.py and test_sweep_outcomes.py without them
+def test_sigterm_ends_the_workers_too(tiny_nclt, tmp_path, start):
+    sweep = start(
+        [
+            *("experiment=demo", f"data.root={tiny_nclt}", *LONG, "trainer.max_epochs=500"),
+            *("seed=0,1", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2"),
+        ]
+    )
+    folder = tmp_path / "outputs" / "sweeps" / "demo_sweep"
+    wait_for(folder / "seed-0" / "checkpoints" / "last.ckpt", sweep)
+    left = workers(sweep.pid)
+    assert left
+    os.kill(sweep.pid, signal.SIGTERM)
+    output = sweep.communicate(timeout=120)[0]
+    assert sweep.returncode == 143, output
+    assert "the same command goes on" in output
+    assert "killed" not in output
+    assert "Traceback" not in output
+    assert not any(Path(f"/proc/{worker}/exe").exists() for worker in left)
+
+
 def test_a_sweep_over_several_devices_is_refused(tiny_nclt, tmp_path):
     done = deepring(
         *("train", "-m", "experiment=demo", f"data.root={tiny_nclt}", *QUICK, "seed=0,1"),

@@ -1,5 +1,6 @@
 """Neighbouring scans fit by right poses, and contradict wrong ones, which are named."""
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -140,6 +141,15 @@ def test_wrong_poses_are_found_and_named(name):
     assert "contradict" in finding.found
     assert name in finding.advice
     assert not finding.unusable  # from a few pairs: a doubt
+
+
+@pytest.mark.parametrize("factor", [0.8, 0.88, 1.12, 1.25])
+def test_poses_of_a_slightly_other_scale_are_found(factor):
+    """As of a camera's or an odometer's scale: each pair alone fits well enough."""
+    [finding] = overlay_findings(session_of(scaled(drive_poses(), factor)))
+    named = float(re.search(r"times ([\d.]+)", finding.advice)[1])
+    assert named == pytest.approx(1 / factor, abs=0.04)
+    assert overlay_findings(session_of(scaled(drive_poses(), 1.03))) == []
 
 
 def test_the_finding_says_how_well_scans_fit_with_and_without():

@@ -157,6 +157,22 @@ def test_other_units_are_found(scale, word):
     assert any(word in f.found for f in found(poses))
 
 
+def test_poses_whose_steps_no_drive_has_are_unusable():
+    poses = path_of(np.repeat([0.3, 1.87, 3.44, 5.01], 30), step=0.8)
+    stamps = stamps_of(poses, rate=10)
+    millimetres = poses.copy()
+    millimetres[:, :3, 3] *= 1000
+    [finding] = found(millimetres, stamps)
+    assert finding.unusable
+    assert "if they are millimetres, neighbouring ones are 0.8 m apart" in finding.advice
+    assert not any(f.unusable for f in found(millimetres))  # 800 m each, and no stamps to say more
+    millimetres[:, :3, 3] *= 2
+    assert [f.unusable for f in found(millimetres)] == [True]
+    jumps = poses.copy()
+    jumps[50:60, 0, 3] += 5e4  # a few rows alone are a doubt
+    assert not any(f.unusable for f in found(jumps, stamps))
+
+
 def test_poses_that_stand_still_or_are_held_are_found():
     poses = PATHS["block"]
     [still] = found(np.repeat(poses[:1], 30, axis=0))

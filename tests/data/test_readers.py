@@ -25,7 +25,7 @@ from deepring.data.scans.scan_files import read_scan
 from deepring.errors import DeepringError
 
 CONF = Path(__file__).parents[2] / "conf" / "data"
-DOCS = Path(__file__).parents[2] / "docs" / "datasets.md"
+DOCS = Path(__file__).parents[2] / "docs" / "extending.md"
 POSE = "1 0 0 {x} 0 1 0 0 0 0 1 0"
 
 
@@ -97,7 +97,7 @@ def test_a_reader_from_outside_is_taken_as_any_other(tmp_path, monkeypatch):
         block for block in re.findall(r"```python\n(.*?)```", text, re.S) if "READER" in block
     ]
     monkeypatch.setattr(readers, "_registered", {})
-    exec(compile(code, "datasets.md", "exec"), scope := {})
+    exec(compile(code, "extending.md", "exec"), scope := {})
     with pytest.raises(DeepringError, match=r"reader\.name: 'mine', expected a name other"):
         scope["register_reader"](scope["READER"])
     scans = tmp_path / "monday" / "lidar"

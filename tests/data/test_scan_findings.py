@@ -66,7 +66,7 @@ def test_the_same_scans_written_right_are_not_doubted(street, tmp_path):
     assert expect_usable(session, HEIGHT) == []
 
 
-@pytest.mark.parametrize("off", [-1.5, 1.0, 1.8])
+@pytest.mark.parametrize("off", [-170.0, -15.0, -1.5, 1.0, 1.8])  # of a slipped decimal, and less
 def test_a_ground_elsewhere_is_doubted(off, street, tmp_path):
     session = open_kitti(write_wrong(tmp_path / "drive", "right", *street))
     (finding,) = inspect(session, HEIGHT + off)

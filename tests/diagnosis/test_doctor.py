@@ -77,6 +77,7 @@ def test_names_of_other_homes_and_of_the_user_are_hidden(monkeypatch):
     monkeypatch.setattr(Path, "home", lambda: Path("/home/meyer"))
     hidden = without_names("/home/meyer/a /home/smith/b /Users/jones/c /data/meyer/d /data/meyers")
     assert hidden == "~/a /home/USER/b /Users/USER/c /data/USER/d /data/meyers"
+    assert without_names("/home/smith: free; /mnt/home/disk") == "/home/USER: free; /mnt/home/disk"
 
 
 def test_a_command_without_a_folder_to_write_to_fails(tmp_path):

@@ -48,5 +48,12 @@ def test_the_options_of_a_command_in_the_docs_exist(command, parser, groups, cap
                 assert each in groups[group], f"{command}: {word}"
 
 
+@pytest.mark.parametrize("command", list(commands()))
+def test_no_shell_reads_the_words_of_a_command_otherwise(command):
+    """zsh takes brackets for names of files, and ~ for homes: such words stand in quotes."""
+    bare = re.sub(r"'[^']*'|\"[^\"]*\"", "", command)
+    assert not re.search(r"[][~*?{}()]", bare), command
+
+
 #: Options that a page tells its reader to write.
 OWN = ("mine", "partners", "info_nce")

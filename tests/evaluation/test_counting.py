@@ -5,12 +5,9 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from deepring.errors import DeepringError
-from deepring.evaluation.case import Case
 from deepring.evaluation.counting import count, precision_recall
-from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.metrics import (
     BEHIND,
     first_right,
@@ -20,29 +17,11 @@ from deepring.evaluation.metrics import (
     place_precision_recall,
     recall_at_k,
 )
-
-CASE = Case("toy", "", "sim", "test")
-RADII = (10.0, 0.5, 5.0, 10.4, 39.0, 41.0)
-
-matrices = st.tuples(st.integers(1, 9), st.integers(1, 12)).flatmap(
-    lambda shape: st.tuples(
-        # few values, so that equal scores and distances at exactly a radius are frequent
-        hnp.arrays(np.float32, shape, elements=st.sampled_from([-np.inf, -1, 0, 0.5, 2])),
-        hnp.arrays(np.float32, shape, elements=st.sampled_from([0, 5, 10, 10.5, 40])),
-    )
-)
-
-
-def best_of(scores, distances, k=5):
-    """The ``k`` best places; equal scores rank by place."""
-    best = np.argsort(-scores, axis=1, kind="stable")[:, :k]
-    score, distance = (np.take_along_axis(table, best, 1) for table in (scores, distances))
-    nearest = distances.min(axis=1)
-    return TopMatches(CASE, np.arange(len(best)), best, score, None, distance, nearest)
+from helpers.score_matrices import RADII, best_of, matrices
 
 
 @settings(deadline=None)
-@given(matrices)
+@given(matrices())
 def test_figures_are_those_of_the_whole_matrices_at_every_radius(made):
     matches, places = best_of(*made), made[0].shape[1]
     scores, distances = map(torch.from_numpy, made)
@@ -63,7 +42,7 @@ def test_figures_are_those_of_the_whole_matrices_at_every_radius(made):
 
 
 @settings(deadline=None)
-@given(matrices, st.integers(1, 12))
+@given(matrices(), st.integers(1, 12))
 def test_ranks_are_those_of_the_whole_matrices_as_far_as_places_are_kept(made, k):
     matches = best_of(*made, k)
     distance, nearest = map(torch.from_numpy, (matches.distance, matches.nearest))
@@ -74,7 +53,7 @@ def test_ranks_are_those_of_the_whole_matrices_as_far_as_places_are_kept(made, k
 
 
 @settings(deadline=None)
-@given(matrices, st.integers(1, 3))
+@given(matrices(), st.integers(1, 3))
 def test_the_curve_needs_the_best_place_alone(made, k):
     matches = best_of(*made, k)
     scores, distances = map(torch.from_numpy, made)
@@ -119,7 +98,7 @@ def test_radii_that_are_none_and_numbers_of_other_shapes_are_refused():
 
 
 @settings(deadline=None, derandomize=True)
-@given(matrices, st.sampled_from([5.0, 10.0, 10.4]), st.sampled_from([10.5, 39.0, 40.0]))
+@given(matrices(), st.sampled_from([5.0, 10.0, 10.4]), st.sampled_from([10.5, 39.0, 40.0]))
 def test_in_the_grey_zone_a_best_place_is_neither_right_nor_wrong(made, radius, beyond):
     """The loop over thresholds by which Locus and LoGG3D-Net count."""
     matches = best_of(*made)

@@ -103,3 +103,11 @@ def test_descriptors_and_scores_that_are_not_finite_are_refused():
         look_up(index, [good, bad])
     with pytest.raises(DeepringError, match="scores: 4 NaN"):
         look_up(index, [good, torch.zeros(1, 1)])
+
+
+def test_asking_for_more_places_changes_none_of_the_first(described):
+    method, database, queries = described
+    few, many = (look_up(fill_index(method, [database]), [queries], k)[0] for k in (5, 25))
+    assert many.place.shape[1] > few.place.shape[1]
+    for name in ("place", "score", "turn"):
+        assert torch.equal(getattr(few, name), getattr(many, name)[:, : few.place.shape[1]])

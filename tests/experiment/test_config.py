@@ -196,9 +196,9 @@ BESIDE = {
     "loss=segment_identity": ["sampling=segments", "method=locus"],
     "loss=batch_hard": ["sampling=batch_hard", "sampling.turned=false"],
     "loss=batch_softmax": ["sampling=batch_hard", "sampling.turned=false"],
-    "loss=batch_softmax_with_turn": ["sampling=batch_hard", "sampling.turned=false"],
+    "loss=batch_softmax_with_turn": ["sampling=batch_hard", "method=disco_small"],
     "loss=lazy_quadruplet": ["sampling=tuples"],
-    "loss=quadruplet_with_turn": ["sampling=tuples"],
+    "loss=quadruplet_with_turn": ["sampling=tuples", "method=disco"],
     "method/aggregation=dft2": ["method/similarity=l2"],
 }
 #: But for methods, each of which `test_methods` composes and builds.

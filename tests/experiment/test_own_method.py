@@ -1,4 +1,4 @@
-"""The method of docs/comparison.md, as its reader would write it."""
+"""The method of docs/extending.md, as its reader would write it."""
 
 import shutil
 import sys
@@ -17,7 +17,8 @@ from helpers.small_training import TINY_DATA
 
 def test_the_docs_method_trains_from_its_file_and_its_config(tiny_nclt, tmp_path, monkeypatch):
     code, config = (
-        blocks_of("comparison.md", "Adding a method", kind)[0].text for kind in ("python", "yaml")
+        blocks_of("extending.md", "A method that learns", kind)[0].text
+        for kind in ("python", "yaml")
     )
     (tmp_path / "mine.py").write_text(code)
     monkeypatch.syspath_prepend(str(tmp_path))

@@ -1,4 +1,4 @@
-"""The training scheme of docs/comparison.md, as its reader would write it."""
+"""The training scheme of docs/extending.md, as its reader would write it."""
 
 import re
 import shutil
@@ -19,7 +19,7 @@ from helpers.small_training import TINY_DATA
 @pytest.fixture
 def trained(tiny_nclt, tmp_path, monkeypatch):
     """A function that trains with the page's file and configs in a run folder of that name."""
-    blocks = blocks_of("comparison.md", "Adding a training scheme")
+    blocks = blocks_of("extending.md", "A training scheme")
     (code,) = (block.text for block in blocks if block.language == "python")
     (tmp_path / "partners.py").write_text(code)
     monkeypatch.syspath_prepend(str(tmp_path))

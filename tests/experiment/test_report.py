@@ -11,6 +11,7 @@ import pytest
 
 from deepring.errors import DeepringError
 from deepring.evaluation.matches import matches_in
+from deepring.evaluation.recall_curves import read_recall_curves
 from deepring.evaluation.results import read_results, write_results
 from deepring.experiment.report import report
 from deepring.experiment.train import train
@@ -61,6 +62,39 @@ def test_every_result_is_on_the_page_as_its_file_has_it(page, run):
         assert [shown, f"{result.f1_max:.3f}", f"{result.auc:.3f}", f"{result.ap:.3f}"] in [
             [row[3], *row[6:9]] for row in rows if len(row) == 11
         ]
+
+
+def dots_of_recall(page):
+    """Title, such as 'RING, R@5: 0.900', without the interval."""
+    return {told.partition(" (")[0] for told in re.findall(r"<title>([^<]*, R@\d+: [^<]*)", page)}
+
+
+def test_recall_over_n_is_drawn_as_its_file_has_it(page, run):
+    curves = [curve for curve in read_recall_curves(run) if curve.radius_m == 10]
+    results = {r.case: r for r in read_results(run / "results.csv") if r.radius_m == 10}
+    assert {curve.case for curve in curves} == set(results)
+    for curve in curves:
+        assert curve.recalls[0] == results[curve.case].recall_1
+        assert curve.recalls[4:5] in ((results[curve.case].recall_5,), ())
+    assert dots_of_recall(page) == {
+        f"{html.escape(curve.case.method)}, R@{n}: {curve.recalls[n - 1]:.3f}"
+        for curve in curves
+        for n in (1, 5, 10, 15, 20, 25)
+        if n <= len(curve.recalls)
+    }
+    assert "runs without recalls.csv" not in page
+
+
+def test_a_run_without_the_file_has_the_recalls_that_it_holds(run, tmp_path):
+    shutil.copytree(run, tmp_path / "run", ignore=shutil.ignore_patterns("recalls.csv"))
+    page = report(tmp_path / "run", pictures=0)
+    assert dots_of_recall(page) == {
+        f"{html.escape(r.case.method)}, R@{n}: {recall:.3f}"
+        for r in read_results(run / "results.csv")
+        if r.radius_m == 10
+        for n, recall in ((1, r.recall_1), (5, r.recall_5))
+    }
+    assert "Of runs without recalls.csv only N of 1 and 5 is known" in page
 
 
 def test_a_mark_leads_to_the_query_that_it_stands_for(page, run):

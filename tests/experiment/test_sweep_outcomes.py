@@ -22,6 +22,7 @@ from deepring.experiment.sweep_outcomes import (
     note_outcome,
     run_sweep,
 )
+from deepring.experiment.sweep_state import state_of
 from helpers.sweeps import hydra_config
 
 
@@ -67,6 +68,19 @@ def swept(tmp_path, launch):
     assert OUTCOMES not in os.environ
     assert not list(tmp_path.glob(".outcomes*"))
     return outcomes
+
+
+def test_a_job_that_ended_with_the_sweep_was_not_killed(jobs, tmp_path):
+    def launch():
+        jobs[0].run(lambda: None)
+        jobs[1].die()  # as when the sweep ends its processes
+        raise KeyboardInterrupt
+
+    outcomes = swept(tmp_path, launch)
+    assert outcomes.interrupted
+    assert outcomes.finished == [jobs[0].folder]
+    assert outcomes.failed == [(jobs[1].folder, "interrupted")]
+    assert state_of(tmp_path).jobs[1].state == "interrupted"
 
 
 def test_a_process_that_an_earlier_sweep_began_notes_for_this_one(jobs, tmp_path, monkeypatch):

@@ -116,6 +116,12 @@ def test_what_runs_is_done_or_waits_is_told_apart(sweep):
     assert sweep.states() == ["finished", "interrupted", "waiting"]
 
 
+def test_the_latest_of_several_runs_counts_once(tmp_path):
+    write_status(tmp_path / "monday", Status("finished"))
+    (tmp_path / "latest").symlink_to("monday")
+    assert [job.folder.name for job in state_of(tmp_path).jobs] == ["monday"]
+
+
 def test_a_dead_process_is_not_told_as_running(sweep, gone):
     sweep.note(0, KILLED, worker=gone)
     assert sweep.states() == ["killed", "waiting", "waiting"]

@@ -1,5 +1,6 @@
 """HTML pages as a browser reads them: their rows, and whether their tags are closed."""
 
+import re
 from html.parser import HTMLParser
 
 _VOID = {"img", "meta", "br", "hr", "input", "link"}
@@ -57,3 +58,19 @@ def row_of(*cells: object) -> str:
     """A row as a page has it: the first cell names the row."""
     first, *rest = cells
     return f'<tr><th scope="row">{first}</th>{"".join(f"<td>{cell}</td>" for cell in rest)}</tr>'
+
+
+def lines_of(drawing: str, kind: str) -> list[list[tuple[float, float]]]:
+    """The strips of the lines of a kind in a drawing, as points of its view box."""
+    strips = []
+    for data in re.findall(f'class="line {kind}" d="([^"]*)"', drawing):
+        for strip in data.split("M")[1:]:
+            numbers = [point.split(" ") for point in strip.split("L")]
+            strips.append([(float(x), float(y)) for x, y in numbers])
+    return strips
+
+
+def marks_of(drawing: str, kind: str) -> list[tuple[float, float]]:
+    """The middles of the marks of a kind in a drawing, as points of its view box."""
+    (data,) = re.findall(f'class="(?:hit|marks) {kind}" d="([^"]*)"', drawing)
+    return [(float(x), float(y)) for x, y in re.findall(r"M([-\d.]+) ([-\d.]+)", data)]

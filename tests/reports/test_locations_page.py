@@ -1,18 +1,20 @@
 """The page of located scans, and how a scan is laid over its place."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
+from deepring.core.rigid import turn_points
 from deepring.data.packed_rasters import unpack
 from deepring.localization.calibration import LocalizationTrials
-from deepring.reports.located_scan import cells_in_place, located_pose
-from deepring.reports.location_figures import errors_figure
+from deepring.reports.errors_plot import errors_plot
+from deepring.reports.located_scan import cell_centres, lie_in_place, located_pose
 from deepring.reports.locations_page import locations_page, selection
-from helpers.html_pages import row_of
+from helpers.html_pages import lines_of, marks_of, row_of, table_rows, well_formed
 from helpers.small_maps import GROUND_Z, PLACES, located, location, pose, small_map
 
 
@@ -41,14 +43,25 @@ def test_the_page_counts_trust_doubts_refusals_and_errors(place_map):
         ("all", 5, 2, "1.00 m", "48.60 m", "60.00 m", "0.00°"),
         ("trusted", 3, 1, "0.50 m", "2.75 m", "3.00 m", "0.00°"),
         ("doubtful", 2, 1, "30.50 m", "57.05 m", "60.00 m", "0.00°"),
-        ("right.npy", "1.00", "0.00", "0.0", "0.50", "2.00", "yes", "0.50", "0.00", "a.npy"),
-        ("faint.npy", "0.00", "0.00", "0.0", "0.10", "2.00", "no: fit", "1.00", "0.00", "a.npy"),
     ):
         assert row_of(*cells) in page
+    rows = table_rows(page)
+    for row in (
+        ["right.npy", "1.00", "0.00", "0.0", "0.50", "2.00", "yes", "0.50", "0.00", "a.npy"],
+        ["faint.npy", "0.00", "0.00", "0.0", "0.10", "2.00", "no: fit", "1.00", "0.00", "a.npy"],
+    ):
+        assert row in rows
+    well_formed(page)
     assert "1 of the 4 scans within 20 m of a place are trusted and right" in page
     assert "2 of 3 trusted ones are wrong" in page
     assert "d.npy: nothing stands out" in page
-    assert page.count("data:image/png;base64,") == 2 + 5
+    assert page.count("data:image/png;base64,") == 2 * 5  # of each scan its place and itself
+    assert "<img" not in page
+    drawing = page[page.index('<svg class="map" viewBox="0 0 460') :]
+    assert [len(marks_of(drawing, kind)) for kind in ("right", "wrong", "fit", "ratio")] == [
+        *(1, 2, 1, 1)
+    ]
+    assert len(lines_of(drawing, "off")) == 2  # only those that are trusted wrongly
     assert "http" not in page
     assert "another world" not in page
 
@@ -60,7 +73,7 @@ def test_refined_poses_have_errors_of_their_own(place_map):
     cells = ("refined", 1, 1, *["0.10 m"] * 3, "4.77°")  # across the half turn
     assert row_of(*cells) in page
     doubtful = located(place_map, "d", location(doubt="few cells"))
-    assert "<td>cannot tell: few cells</td>" in locations_page("a.map", place_map, [doubtful])
+    assert ">cannot tell: few cells</td>" in locations_page("a.map", place_map, [doubtful])
 
 
 def test_poses_of_another_world_are_doubted(place_map):
@@ -87,7 +100,9 @@ def test_a_scan_lies_on_what_its_place_shows(place_map):
     shown = place_map.places.images(torch.tensor([1]))[0].numpy().astype(bool)
 
     def share(found, place):
-        cells = cells_in_place(image, raster.extent, found, place)
+        lie = lie_in_place(found, place)
+        seen = np.pad(cell_centres(image, raster.extent), ((0, 0), (0, 1)))
+        cells = turn_points(seen, -lie.turn)[:, :2] + lie.position
         rows = np.floor((cells + raster.extent) / (2 * raster.extent) * raster.cells).astype(int)
         rows = rows[((rows >= 0) & (rows < raster.cells)).all(axis=1)]
         near = shown | np.roll(shown, 1, 0) | np.roll(shown, -1, 0)
@@ -122,10 +137,12 @@ def test_every_kind_is_shown():
 def test_errors_beyond_the_axis_are_counted_in_the_last_bar():
     metres = np.array([0.1, 0.3, 4.99, 5.0, 800.0])
     trials = LocalizationTrials(*[metres] * 2, metres, *[metres] * 3)
-    (axes,) = errors_figure(trials, np.array([True, True, True, True, False])).axes
-    trusted, doubtful = axes.containers
-    heights = [bar.get_height() for bar in trusted]
-    assert heights[:2] == [1, 1]
-    assert heights[-2:] == [1, 1]
-    assert [bar.get_height() for bar in doubtful][-1] == 1
-    assert doubtful[-1].get_y() == 1  # on top of the trusted ones
+    plot = errors_plot(trials, np.array([True, True, True, True, False]))
+    assert re.findall("<title>(.*?)</title>", plot) == [
+        *("0 to 0.25 m: 1 trusted", "0.25 to 0.5 m: 1 trusted", "4.75 to 5 m: 1 trusted"),
+        *("more than 5 m: 1 trusted", "more than 5 m: 1 doubtful"),
+    ]
+    bars = re.findall(r'class="bar (\w+)" d="M([\d.]+) ([\d.]+)H[\d.]+V([\d.]+)', plot)
+    (_, x, _, top), (kind, x_above, foot, _) = bars[-2:]
+    assert (kind, x_above, foot) == ("doubtful", x, top)  # on top of the trusted ones
+    assert "trusted (4)" in plot

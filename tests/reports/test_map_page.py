@@ -6,7 +6,8 @@ import numpy as np
 
 from deepring.localization.map import Map
 from deepring.reports.map_page import map_page
-from deepring.reports.places_figure import Marks, places_figure
+from deepring.reports.places_drawing import Marked, places_drawing
+from helpers.html_pages import lines_of, marks_of, well_formed
 from helpers.networks import small_network
 from helpers.small_maps import PLACES, small_map
 
@@ -16,13 +17,14 @@ FACTS = [("map", "a.map, 1.0 MB"), ("places", "3")]
 def test_the_page_has_facts_places_and_images_and_needs_nothing_else():
     path = np.array([[0.0, 0.0], [10.0, 10.0]])
     page = map_page("a.map", small_map(), FACTS, [path], ["x.npy: nothing stands out"])
-    assert page.count("data:image/png;base64,") == 1 + 2 * 3  # the map; image and sinogram of each
+    well_formed(page)
+    assert page.count("data:image/png;base64,") == 2 * 3  # image and sinogram of each
     assert "a.map, 1.0 MB" in page
     assert "x.npy: nothing stands out" in page
     assert "c.npy, number 2: " in page
     for word in ("http", "<script", "<link", "url("):
         assert word not in page
-    assert not re.findall(r'(?:src|href)="(?!data:image/png;base64,)', page)
+    assert not re.findall(r'(?:src|href)="(?!data:image/png;base64,|#place-)', page)
     assert "prefers-color-scheme: dark" in page
 
 
@@ -41,21 +43,39 @@ def test_a_map_without_places_has_a_page():
 
 def test_places_far_from_the_origin_are_drawn_relative_to_a_round_number():
     utm = np.array([345_000.0, 4_037_000.0])
-    marks = [Marks("found", PLACES[:1, :2] + utm, "#000000", "o")]
+    marked = [Marked("found", PLACES[:1, :2] + utm, "right")]
     off = [(PLACES[0, :2] + utm, PLACES[1, :2] + utm)]
-    figure = places_figure(PLACES[:, :2] + utm, [PLACES[:, :2] + utm], marks, off)
-    (axes,) = figure.axes
+    legend, drawing = places_drawing(PLACES[:, :2] + utm, [PLACES[:, :2] + utm], marked, off).split(
+        "</ul>"
+    )
     # The lowest y is below 4 037 000, so the kilometre below it counts.
-    assert axes.get_xlabel() == "x − 345 000 (m)"
-    assert axes.get_ylabel() == "y − 4 036 000 (m)"
-    places, found = (dots for dots in axes.collections if dots.get_label()[-1] == ")")
-    np.testing.assert_allclose(places.get_offsets(), PLACES[:, :2] + [0, 1000])
-    assert found.get_label() == "found (1)"
-    np.testing.assert_allclose(axes.lines[0].get_xydata(), PLACES[:, :2] + [0, 1000])
-    assert len(figure.legends[0].get_texts()) == 4
+    assert "x − 345 000 (m)" in drawing
+    assert "y − 4 036 000 (m)" in drawing
+    assert [*re.findall("<li>.*?</svg>([^<]*)", legend)] == [
+        *("path", "places (3)", "found (1)", "to the true position")
+    ]
+    places = marks_of(drawing, "place")
+    assert marks_of(drawing, "right") == places[:1]
+    assert lines_of(drawing, "off") == [places[:2]]
+    assert lines_of(drawing, "driven") == [places]
+    drawn, true = (np.diff(points, axis=0) for points in (places, PLACES[:, :2]))
+    scale = drawn / true * [1, -1]  # y grows upwards
+    np.testing.assert_allclose(scale, scale[0, 0], rtol=0.01)
 
 
-def test_one_place_and_none_can_be_drawn():
-    for places in (PLACES[:1, :2], PLACES[:0, :2]):
-        width, height = places_figure(places).get_size_inches()
+def test_one_place_can_be_drawn_and_the_axes_keep_one_scale():
+    for places in (PLACES[:1, :2], PLACES[:, :2] * [1, 0], PLACES[:, :2] * [0, 1]):
+        drawing = places_drawing(places).split("</ul>")[1]
+        width, height = map(float, re.findall(r'viewBox="0 0 (460) ([\d.]+)"', drawing)[0])
         assert 0.3 < height / width < 2
+        for x, y in marks_of(drawing, "place alone"):
+            assert 0 < x < width
+            assert 0 < y < height
+
+
+def test_equal_marks_are_drawn_once():
+    places = np.repeat(PLACES[:, :2], 1000, axis=0)
+    drawing = places_drawing(places, (), [Marked("found", places, "wrong")])
+    assert "places (3000)" in drawing
+    drawing = drawing.split("</ul>")[1]
+    assert len(marks_of(drawing, "place")) == len(marks_of(drawing, "wrong")) == 3

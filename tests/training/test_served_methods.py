@@ -6,6 +6,7 @@ from deepring.errors import ConfigError
 from deepring.methods.network import NetworkMethod
 from deepring.methods.registry import class_at, packaged_methods
 from deepring.training.batch_hard import BatchHardScheme, BatchHardTriplet
+from deepring.training.batch_softmax import BatchSoftmaxWithTurn
 from deepring.training.correspondences import CorrespondenceScheme, NTuple
 from deepring.training.module import PlaceModule
 from deepring.training.pairs import (
@@ -17,7 +18,7 @@ from deepring.training.pairs import (
 )
 from deepring.training.poses import PoseScheme, TripletWithPose
 from deepring.training.segments import SegmentIdentity, SegmentScheme
-from deepring.training.tuples import LazyQuadruplet, TupleScheme
+from deepring.training.tuples import LazyQuadruplet, QuadrupletWithTurn, TupleScheme
 from helpers.cli import deepring
 from helpers.small_training import TINY_DATA
 from helpers.tiny_methods import TINY
@@ -73,6 +74,18 @@ def test_scans_that_cannot_be_turned_are_refused_where_they_are_to_be(scheme, lo
     with pytest.raises(ConfigError, match="a BevRaster cannot be turned"):
         PlaceModule(networks["deepring"], scheme, loss)
     PlaceModule(networks["disco"], scheme, loss)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "loss"),
+    [(TupleScheme, QuadrupletWithTurn()), (BatchHardScheme, BatchSoftmaxWithTurn())],
+)
+def test_a_loss_of_turns_wants_maps_and_turned_scans(scheme, loss, networks):
+    PlaceModule(networks["disco"], scheme(turned=True), loss)
+    with pytest.raises(ConfigError, match=r"sampling\.turned: false, expected true"):
+        PlaceModule(networks["disco"], scheme(turned=False), loss)
+    with pytest.raises(ConfigError, match=r"not PointNetVLAD with \(\d+,\); choose a loss"):
+        PlaceModule(networks["pointnetvlad"], scheme(turned=True), loss)
 
 
 def test_no_scan_is_read_for_a_method_that_is_not_served(tiny_nclt, tmp_path):

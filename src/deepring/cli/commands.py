@@ -41,7 +41,8 @@ COMMANDS = {
         run_options.add_compare,
         "train and evaluate all methods",
         "Train each method on each training dataset, evaluate all methods on all test datasets, "
-        "and print the paper's Tables I and II. Finished runs are skipped, interrupted ones go on.",
+        "print the paper's Tables I and II, and write them and a page. Finished runs are skipped, "
+        "interrupted ones go on.",
         MixedParser,
         lambda: (
             "Lists are separated by commas, without spaces. KEY=VALUE are further Hydra overrides, "

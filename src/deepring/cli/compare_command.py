@@ -1,17 +1,22 @@
-"""`deepring compare`: train and evaluate all methods, and print Tables I and II."""
+"""`deepring compare`: train and evaluate all methods, print Tables I and II, and write a page."""
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import get_args
 
+from deepring.checks import one_of
 from deepring.cli.console import console
 from deepring.cli.json_output import print_json
 from deepring.cli.main import parse
+from deepring.cli.mistakes import error_message, is_mistake
 from deepring.cli.named_methods import ALL
 from deepring.cli.overrides import checked, choices_of
+from deepring.cli.report_command import PAGE, write_page
 from deepring.cli.tables_command import make_tables
 from deepring.cli.train_commands import (
+    from_here,
     report_sweep,
     run_multirun,
     say_failed,
@@ -19,7 +24,8 @@ from deepring.cli.train_commands import (
     sweep_overrides,
 )
 from deepring.errors import ConfigError
-from deepring.experiment.compose import composed
+from deepring.evaluation.metrics import Over
+from deepring.experiment.compose import composed, expect_no_data
 from deepring.experiment.config import Config
 from deepring.experiment.config_groups import config_folder
 from deepring.experiment.dataset_columns import lacking_columns
@@ -28,15 +34,18 @@ from deepring.experiment.every_method import Kind, every_method
 from deepring.experiment.planned_jobs import plan_together
 from deepring.experiment.sweep_names import swept
 from deepring.experiment.sweep_outcomes import SweepOutcomes
+from deepring.experiment.sweep_page import sweep_page
+from deepring.text import printable
 
 #: The override of each option, with the values in place of {}.
 _OPTIONS = {"train": "train={}", "seeds": "seed={}", "test": "test=[{}]"}
 
 
 def compare_command(args: argparse.Namespace) -> None:
-    """Run both sweeps and print their tables; finished runs are skipped."""
+    """Run both sweeps, print their tables, and write their page; finished runs are skipped."""
     if args.learned == args.fixed == "":
         raise ConfigError("--learned, --fixed: both empty, expected at least one method; name one")
+    expect_no_data(args.overrides)
     parts = [[f"sweep={kind}", *own, *args.overrides] for kind, own in _sweeps(args)]
     if len(parts) > 1:  # so that `deepring status` knows the jobs of both from the beginning
         plan_together([sweep_overrides(["-m", *part])[1:] for part in parts])
@@ -44,20 +53,44 @@ def compare_command(args: argparse.Namespace) -> None:
     for part in parts:
         sweeps.append(run_multirun(["-m", *part]))
         if args.form != "json":
-            report_sweep(sweeps[-1])
+            report_sweep(sweeps[-1], next_steps=False)
         else:
             say_failed(sweeps[-1])
     finished = [folder for outcomes in sweeps for folder in outcomes.finished]
     failed = any(outcomes.failed for outcomes in sweeps)
-    of_tables = None
-    if folders := dict.fromkeys(folder.parent for folder in finished):
-        of_tables = make_tables(parse(["tables", *map(str, folders), "--as", args.form]))
+    of_tables, page, trouble = None, None, None
+    if folders := list(dict.fromkeys(from_here(folder.parent) for folder in finished)):
+        wanted = parse(["tables", *map(str, folders), "--as", args.form])
+        of_tables = make_tables(wanted)
+        page, trouble = _page(folders, wanted.radius, one_of("over", wanted.over, Over))
     if args.form == "json":
-        print_json("sweep", {**sweep_content(sweeps), "tables": of_tables})
-    if failed:
-        if args.form != "json":
-            console.print("the same command goes on with what is left")
+        print_json("sweep", {**sweep_content(sweeps), "tables": of_tables, "page": page})
+    elif page is not None:
+        console.print(f"report       {page}")
+    if trouble is not None and not is_mistake(trouble):
+        raise trouble
+    if failed and args.form != "json":
+        console.print("the same command goes on with what is left")
+    if failed or trouble is not None:
         sys.exit(1)
+
+
+def _page(
+    folders: Sequence[Path], radius: float, over: Over
+) -> tuple[Path | None, Exception | None]:
+    """Write the page of the comparison beside its tables; where that fails the tables stay.
+
+    Returns its path, or why there is none, which is said where it is a mistake and no bug.
+    """
+    path = folders[0] / PAGE
+    try:
+        write_page(path, sweep_page(folders, radius, over, path.parent))
+    except Exception as error:
+        if is_mistake(error):
+            reason = error_message(error, {})
+            print(printable(f"no page      {path}: {reason}"), file=sys.stderr)
+        return None, error
+    return path, None
 
 
 def _sweeps(args: argparse.Namespace) -> Iterator[tuple[Kind, list[str]]]:

@@ -6,31 +6,25 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, fields
-from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from numpy.typing import NDArray
 from rich.table import Table
 from rich.text import Text
 
 from deepring.cli.console import console
 from deepring.cli.joined_scans import JoinedScans
 from deepring.cli.json_output import print_json
+from deepring.cli.located_scans import named_sources, scans_of
 from deepring.cli.looking import expect_lookable
 from deepring.cli.mistakes import MISTAKE, error_message
-from deepring.cli.notices import say_skipped, warn
-from deepring.cli.options import expect_meant
+from deepring.cli.notices import warn
 from deepring.cli.refined_rows import CSV, TABLE, csv_values, json_values, table_cells, table_notes
 from deepring.cli.shown_scans import ShownScans
 from deepring.data.inspection.scans import expect_coordinates
-from deepring.data.readers import open_session
-from deepring.data.readers.custom.drive_file import is_drive_file
-from deepring.data.recording import recorded_session, scan_of_file
-from deepring.data.scans.bag_files import bag_scans, is_bag
+from deepring.data.scans.bag_files import is_bag
 from deepring.data.scans.names import ending_of
-from deepring.data.scans.point_times import TimedPoints
-from deepring.data.scans.scan_files import SCANS, read_scan, scan_files
+from deepring.data.scans.scan_files import SCANS
 from deepring.errors import ConfigError, DeepringError
 from deepring.localization.location import Location
 from deepring.localization.map import Map
@@ -46,29 +40,13 @@ _TRUST = {None: "yes", "fit": "no", "ratio": "no"}
 Row = dict[str, Any]
 
 
-class Scan(NamedTuple):
-    """One scan to locate."""
-
-    file: Path
-    stamp: int | None
-    """Nanoseconds, if the bag or the drive has stamps."""
-    read: Callable[[], TimedPoints]
-    ground_z: float | None
-    """z of the ground in its frame, metres; None for the map's."""
-    sequence: Path
-    """The bag, the drive or the folder whose scans follow each other."""
-    pose: NDArray | None = None
-    """(4, 4) of a drive's scan."""
-
-
 def localize_command(args: argparse.Namespace) -> None:
     """Print where each scan was taken.
 
     Exits with 1 if some scans cannot be located, and with 2 if none can.
     """
     expect_lookable(args)
-    files = scan_files(args.scans)
-    _expect_meant(files, args)
+    sources = named_sources(args)
     joining = JoinedScans(args.accumulate)
     place_map = Map.open(args.map, check=not args.unchecked)
     if args.refine:
@@ -76,7 +54,7 @@ def localize_command(args: argparse.Namespace) -> None:
     failures: list[str] = []
     shown = ShownScans(args, place_map)
     with progress_bar("locating") as bar:
-        rows = list(locate(place_map, files, args, joining, failures, bar, shown))
+        rows = list(locate(place_map, sources, args, joining, failures, bar, shown))
     warn(joining.warning())
     if args.form == "json":
         print_json("locations", _content(args.map, rows, failures))
@@ -92,7 +70,7 @@ def localize_command(args: argparse.Namespace) -> None:
 
 def locate(
     place_map: Map,
-    files: Sequence[Path],
+    sources: Sequence[Path],
     args: argparse.Namespace,
     joining: JoinedScans,
     failures: list[str],
@@ -105,10 +83,10 @@ def locate(
     ``session``, ``ground_z``, ``refine`` and ``flags``.
     """
     count = 0
-    for file in files:
-        scans = scans_of(file, args)
+    for source in sources:
+        scans = scans_of(source, args)
         while True:
-            name, stamp = file, None
+            name, stamp = source, None
             try:
                 name, stamp, read, ground_z, sequence, pose = next(scans)
                 scan = read()
@@ -129,38 +107,7 @@ def locate(
                 failures.append(_with_scan(name, stamp, error_message(error, args.flags)))
             count += 1
             # The number of scans in a bag is not known in advance.
-            progress(count, max(count, len(files)))
-
-
-def scans_of(file: Path, args: argparse.Namespace) -> Iterator[Scan]:
-    """The scans of one file: one, those of a bag, or those of a drive that a file describes."""
-    if is_drive_file(file):
-        session = open_session("custom", file, args.session)
-        say_skipped(session)
-        ground_z = session.ground_z if args.ground_z is None else args.ground_z
-        rows = range(0, len(session), args.every)
-        for k, scan in zip(rows, recorded_session(session, args.every), strict=True):
-            yield Scan(session.files[k], scan.stamp, scan.read, ground_z, file, session.poses[k])
-    elif is_bag(file):
-        for message in bag_scans(file, args.topic, args.every):
-            yield Scan(file, message.stamp, message.timed, args.ground_z, file)
-    else:
-        read = partial(scan_of_file, file, args.format)
-        yield Scan(file, None, read, args.ground_z, file.parent)
-
-
-def _expect_meant(files: Sequence[Path], args: argparse.Namespace) -> None:
-    """Raise ConfigError for options that the scans leave without a meaning, or that they lack."""
-    bags, drives = any(map(is_bag, files)), any(map(is_drive_file, files))
-    expect_meant(
-        args,
-        topic=None if bags else "a bag",
-        session=None if drives else "a drive.yaml",
-        every=None if bags or drives else "a bag or a drive.yaml",
-    )
-    binary = [file for file in files if ending_of(file) == ".bin"]
-    if args.format is None and len(binary) == len(files) > 1 and binary[0].is_file():
-        read_scan(binary[0])  # says once which formats there are
+            progress(count, max(count, len(sources)))
 
 
 def _expect_refinable(place_map: Map, file: Path) -> None:

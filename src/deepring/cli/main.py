@@ -11,6 +11,7 @@ from deepring.cli.mistakes import BUG, MISTAKE, report_mistakes
 from deepring.cli.output_streams import open_streams, written_out
 from deepring.cli.parser import load, words
 from deepring.cli.process import tune_process
+from deepring.cli.stop_signals import sigterm_interrupts
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -20,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """
     open_streams()
     try:
-        with report_mistakes({}), written_out():
+        with sigterm_interrupts(), report_mistakes({}), written_out():
             args = parse(sys.argv[1:] if argv is None else argv)
             with report_mistakes(args.flags):
                 run(args)

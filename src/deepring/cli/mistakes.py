@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
+from deepring.cli.stop_signals import stop_status
 from deepring.errors import DeepringError, StoppedError
 from deepring.io.files import text_of
 from deepring.text import printable
@@ -15,9 +16,6 @@ MISTAKE = 2
 #: Exit status of a bug, that of an internal error in sysexits.h.
 BUG = 70
 
-#: Exit status after Ctrl-C.
-INTERRUPTED = 130
-
 #: An argument in a message of the library: its first word, or a word in backticks.
 _ARGUMENT = re.compile(r"^[a-z_]+(?:\.[a-z_]+)*(?=:| =)|`([a-z_]+(?:\.[a-z_]+)*)`")
 
@@ -26,7 +24,7 @@ _ARGUMENT = re.compile(r"^[a-z_]+(?:\.[a-z_]+)*(?=:| =)|`([a-z_]+(?:\.[a-z_]+)*)
 def report_mistakes(flags: Mapping[str, str]) -> Iterator[None]:
     """Print a user's mistake as an error on standard error, and exit with status 2.
 
-    An interrupted training is told likewise, and the status is 130. Mistakes are our own errors
+    An interrupted training is told likewise, with `stop_status`. Mistakes are our own errors
     and those of the operating system about a file. Any other error is a bug and keeps its
     traceback.
 
@@ -37,12 +35,12 @@ def report_mistakes(flags: Mapping[str, str]) -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
-        sys.exit(INTERRUPTED)
+        sys.exit(stop_status())
     except Exception as error:
         if not is_mistake(error):
             raise
         print(f"error: {_shown(error_message(error, flags), error)}", file=sys.stderr)
-        sys.exit(INTERRUPTED if isinstance(error, StoppedError) else MISTAKE)
+        sys.exit(stop_status() if isinstance(error, StoppedError) else MISTAKE)
 
 
 def error_message(error: Exception, flags: Mapping[str, str]) -> str:

@@ -156,7 +156,11 @@ def add_localize(parser: Parser) -> None:
     """``deepring localize MAP SCAN...``."""
     parser.add_argument("map", type=Path, metavar="MAP")
     parser.add_argument(
-        "scans", type=Path, nargs="+", metavar="SCAN", help="files, folders, bags or a drive.yaml"
+        "scans",
+        type=Path,
+        nargs="+",
+        metavar="SCAN",
+        help="files, folders, bags, datasets or a drive.yaml",
     )
     parser.add_argument(
         "--format",
@@ -165,7 +169,7 @@ def add_localize(parser: Parser) -> None:
         help="format of .bin files: %(choices)s",
     )
     _add_topic(parser)
-    _add_every(parser, "a bag or a drive")
+    _add_every(parser, "a folder, a bag or a drive")
     parser.add_argument(
         "--accumulate",
         type=whole(1),
@@ -174,7 +178,7 @@ def add_localize(parser: Parser) -> None:
         help="join each scan with up to N - 1 before it, for sensors that see little "
         "(%(default)s; needs deepring[odometry])",
     )
-    add_session(parser, "drive, if drive.yaml describes several")
+    add_session(parser, "drive, if a dataset or a drive.yaml has several")
     add_ground(parser, "the map's")
     add_form(parser, "table", FORMS)
     parser.add_argument(

@@ -18,11 +18,12 @@ from omegaconf import DictConfig
 from deepring.cli.console import console
 from deepring.cli.ddp import restartable
 from deepring.cli.json_output import print_as
-from deepring.cli.mistakes import INTERRUPTED, is_mistake, report_mistakes
+from deepring.cli.mistakes import is_mistake, report_mistakes
 from deepring.cli.output_streams import open_streams
 from deepring.cli.overrides import checked, is_sweep, quoted, value_of
 from deepring.cli.process import tune_process
 from deepring.cli.results_content import results_content
+from deepring.cli.stop_signals import stop_status
 from deepring.errors import ConfigError
 from deepring.evaluation.pose_errors import PoseErrors
 from deepring.evaluation.results import Result
@@ -98,7 +99,7 @@ def run_multirun(arguments: Sequence[str]) -> SweepOutcomes:
         print(f"sweep        {done} of {done + left} jobs finished", file=sys.stderr)
         say_failed(outcomes)
         print("interrupted; the same command goes on with what is left", file=sys.stderr)
-        sys.exit(INTERRUPTED)
+        sys.exit(stop_status())
     return outcomes
 
 
@@ -108,15 +109,16 @@ def sweep_overrides(arguments: Sequence[str]) -> list[str]:
     return [*overrides, *naming(overrides, config_folder())]
 
 
-def report_sweep(outcomes: SweepOutcomes) -> None:
-    """Print how many jobs finished, which failed and why."""
+def report_sweep(outcomes: SweepOutcomes, *, next_steps: bool = True) -> None:
+    """Print how many jobs finished, which failed and why, and what makes tables and a page."""
     finished, failed = outcomes.finished, outcomes.failed
     console.print(f"sweep        {len(finished)} of {len(finished) + len(failed)} jobs finished")
     say_failed(outcomes)
     if finished:
-        sweep = _from_here(finished[0].parent)
-        if any((folder / "results.csv").is_file() for folder in finished):
+        sweep = from_here(finished[0].parent)
+        if next_steps and any((folder / "results.csv").is_file() for folder in finished):
             console.print(f"tables       deepring tables {sweep}")
+            console.print(f"report       deepring report {sweep}")
         console.print(f"tensorboard  tensorboard --logdir {sweep}")
     if failed:
         console.print("correct the errors above; the same command then goes on with what is left")
@@ -135,10 +137,10 @@ def sweep_content(sweeps: Sequence[SweepOutcomes]) -> dict[str, Any]:
         jobs += [(folder, None) for folder in outcomes.finished]
         jobs += outcomes.failed
     return {
-        "sweeps": list(dict.fromkeys(_from_here(folder.parent) for folder, _ in jobs)),
+        "sweeps": list(dict.fromkeys(from_here(folder.parent) for folder, _ in jobs)),
         "jobs": [
             {
-                "folder": _from_here(folder),
+                "folder": from_here(folder),
                 "state": "finished" if error is None else "failed",
                 "error": error,
             }
@@ -251,10 +253,11 @@ def _name_in_log(name: str) -> None:
 
 def run_folder(path: str) -> Path:
     """The folder that Hydra made for this run, relative to where the command was started."""
-    return _from_here(Path(path))
+    return from_here(Path(path))
 
 
-def _from_here(folder: Path) -> Path:
+def from_here(folder: Path) -> Path:
+    """The folder as the user sees it from where the command was started."""
     return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
 
 
@@ -272,6 +275,7 @@ def show_folder(folder: Path) -> None:
     """Print the paths of what the run wrote."""
     if (folder / "results.csv").is_file():
         console.print(f"results      {folder / 'results.csv'}")
+        console.print(f"report       deepring report {folder}")
     if (folder / "figures").is_dir():
         console.print(f"pictures     {folder / 'figures'}")
     console.print(f"config       {folder / 'config.yaml'}")

@@ -70,7 +70,7 @@ def without_names(text: str) -> str:
     for name in dict.fromkeys((str(Path.home()), str(Path.home().resolve()))):
         if len(name) > 1:
             text = text.replace(name, "~")
-    text = re.sub(r"(/(?:home|Users)/)[^/\s]+", r"\1USER", text)
+    text = re.sub(r"(?<![\w.~-])(/(?:home|Users)/)[^/\s:]+", r"\1USER", text)
     try:
         user = getpass.getuser()
     except (OSError, KeyError, ImportError):  # a container without an entry for the user

@@ -14,6 +14,7 @@ from deepring.evaluation.look_up import best_of
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.online import filled
 from deepring.evaluation.protocol import Outcome
+from deepring.evaluation.recall_curves import MOST
 from deepring.evaluation.reranked_labels import NAMES
 from deepring.evaluation.task import RetrievalTask, rows_of
 from deepring.localization.alignment import Alignment
@@ -117,5 +118,5 @@ def _by_location(
     """The places with these ``poses`` nearest to where the best candidate puts the query."""
     best = best_fit(alignment, poses[places], settings)
     away = torch.linalg.vector_norm(poses[:, :2] - best.position, dim=-1)
-    order = away.argsort(stable=True)[: best_of(len(poses))]
+    order = away.argsort(stable=True)[: best_of(len(poses), MOST)]
     return order, torch.full((len(order),), best.fit)

@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 
 from deepring.data.dataset import RetrievalSet
 from deepring.evaluation.case import in_file_names
-from deepring.evaluation.look_up import BEST
 from deepring.evaluation.matches import write_matches
 from deepring.evaluation.pose_errors import FILE as POSES
 from deepring.evaluation.pose_errors import PoseErrors, pose_errors, write_pose_errors
 from deepring.evaluation.protocol import Outcome, evaluate_method
+from deepring.evaluation.recall_curves import MOST, recall_curves, write_recall_curves
 from deepring.evaluation.reranked import evaluate_reranked
 from deepring.evaluation.results import Result, write_results
 from deepring.evaluation.scoring import FOLDER as DESCRIPTORS
@@ -48,17 +48,21 @@ class Evaluation(NamedTuple):
 def evaluate(plan: Plan, folder: Path) -> Evaluation:
     """Evaluate the planned methods on each split.
 
-    Writes ``results.csv``, ``results.md``, ``retrievals/``, pictures and TensorBoard events below
-    ``folder``, and ``relative_poses.csv`` where a method tells these.
+    Writes ``results.csv``, ``recalls.csv``, ``results.md``, ``retrievals/``, pictures and
+    TensorBoard events below ``folder``, and ``relative_poses.csv`` where a method tells these.
     """
     outcomes = [
         (split, evaluate_split(plan, folder, split)) for split in plan.splits if plan.methods(split)
     ]
-    results = [result for _, of in outcomes for outcome in of for result in outcome.results]
+    every_outcome = [outcome for _, of in outcomes for outcome in of]
+    results = [result for outcome in every_outcome for result in outcome.results]
     write_results(folder / "results.csv", results)
+    radii = plan.evaluation.radii
+    curves = [curve for each in every_outcome for curve in recall_curves(each.matches, radii)]
+    write_recall_curves(folder, curves)
     over = plan.evaluation.counted_over
-    poses = [outcome.poses for _, of in outcomes for outcome in of if outcome.poses is not None]
-    tables = [markdown(results, plan.evaluation.radii[0], over), markdown_radii(results, over)]
+    poses = [outcome.poses for outcome in every_outcome if outcome.poses is not None]
+    tables = [markdown(results, radii[0], over), markdown_radii(results, over)]
     if poses:
         write_pose_errors(folder / POSES, poses)
         tables.append(markdown_poses(poses))
@@ -101,7 +105,7 @@ def _evaluate_alone(
             method,
             task,
             plan.evaluation.radii,
-            best=max(BEST, plan.evaluation.candidates) if plan.evaluation.rerank else BEST,
+            best=max(MOST, plan.evaluation.candidates) if plan.evaluation.rerank else MOST,
             device=plan.device,
             progress=bar,
             export=folder / DESCRIPTORS if plan.evaluation.descriptors else None,

@@ -9,13 +9,12 @@ from torch import Tensor
 
 from deepring.core.correlation import correlation_curves, magnitude_correlation_curves
 from deepring.core.radon import radon
-from deepring.core.rigid import yaw_of
 from deepring.experiment.pictures import period_of
 from deepring.methods.deepring import DeepRing
 from deepring.methods.method import Method, RelativePoses
 from deepring.methods.ring import Ring
 from deepring.rasters import BevRaster
-from deepring.reports.query_view import Lie
+from deepring.reports.lie import Lie, lie_of
 
 #: Columns of a picture of a descriptor that is one vector.
 _COLUMNS = 32
@@ -90,8 +89,3 @@ class MethodViews:
             if np.isfinite(matrix).all():
                 return lie_of(np.linalg.inv(matrix))
         return None if turn is None else Lie(turn, None)
-
-
-def lie_of(pose: NDArray[np.float64]) -> Lie:
-    """How a query lies whose frame has this pose (4, 4) in the place's."""
-    return Lie(-float(yaw_of(pose)), (float(pose[0, 3]), float(pose[1, 3])))

@@ -19,13 +19,14 @@ from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.task import rows_of
 from deepring.experiment import build
 from deepring.experiment.config import Config
-from deepring.experiment.method_views import MethodViews, lie_of
+from deepring.experiment.method_views import MethodViews
 from deepring.experiment.plan import regions_of
 from deepring.localization.candidates import RerankSettings, align_candidates
 from deepring.methods.method import Method
 from deepring.progress import Progress
 from deepring.rasters import BevRaster
-from deepring.reports.query_view import Lie, PlaceView, QueryMap, QueryView, ScanView, chosen
+from deepring.reports.lie import Lie, lie_of
+from deepring.reports.query_view import PlaceView, QueryMap, QueryView, ScanView, chosen
 
 
 def splits_of(cfg: Config) -> Iterator[RetrievalSet]:

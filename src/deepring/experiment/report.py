@@ -36,4 +36,4 @@ def report(
     """
     if (folder / "results.csv").is_file():
         return run_page(folder, pictures, radius, over)
-    return sweep_page(folder, radius or 10.0, over or "answerable", beside or folder, mix=mix)
+    return sweep_page([folder], radius or 10.0, over or "answerable", beside or folder, mix=mix)

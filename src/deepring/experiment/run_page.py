@@ -14,6 +14,7 @@ from deepring.errors import ConfigError, DeepringError, FileError
 from deepring.evaluation.case import shortened
 from deepring.evaluation.matches import TopMatches, matches_in
 from deepring.evaluation.metrics import Over
+from deepring.evaluation.recall_curves import RecallCurve, read_recall_curves
 from deepring.evaluation.results import RECALLS, Result, read_results
 from deepring.experiment.config import Config, check_config
 from deepring.experiment.method_views import MethodViews
@@ -53,8 +54,9 @@ def run_page(run: Path, pictures: int, radius: float | None, over: Over | None) 
     expect_results_at(results, radius)
     over = cfg.evaluation.counted_over if over is None else over
     matches = list(matches_in(run))
-    regions = regions_of_run(results, matches, cfg, radius, over)
+    regions = regions_of_run(results, matches, read_recall_curves(run), cfg, radius, over)
     kinds = Kinds(regions)
+    shown = [result for result in results if math.isclose(result.radius_m, radius)]
     main = main_method(results, cfg)
     within = within_text(regions[0].radius, regions[0].wrong_beyond or regions[0].radius)
     parts = [
@@ -66,7 +68,7 @@ def run_page(run: Path, pictures: int, radius: float | None, over: Over | None) 
         html.heading("Queries one by one"),
         *_queries(run, cfg, matches, main, regions, pictures),
         html.heading("All figures"),
-        html.table(_HEAD, [_row(r, over) for r in results if math.isclose(r.radius_m, radius)]),
+        html.table(_HEAD, [_row(r, over) for r in shown], ("test", "region")),
         html.details("Config", [html.preformatted(_text(run / "config.yaml"))]),
     ]
     return html.page(f"{cfg.experiment_name}: {run.resolve().name}", parts)
@@ -97,6 +99,7 @@ def first_radius(run: Path, cfg: Config, results: Sequence[Result]) -> float:
 def regions_of_run(
     results: Sequence[Result],
     matches: Sequence[TopMatches],
+    recalls: Sequence[RecallCurve],
     cfg: Config,
     radius: float,
     over: Over,
@@ -112,6 +115,9 @@ def regions_of_run(
                 case.method,
                 {cfg.seed: [r for r in of_region if r.case == case]},
                 {cfg.seed: found[case]} if case in found else {},
+                curves={cfg.seed: of_case}
+                if (of_case := [curve for curve in recalls if curve.case == case])
+                else {},
             )
             for case in dict.fromkeys(r.case for r in of_region)
         ]

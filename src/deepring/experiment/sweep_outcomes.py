@@ -19,7 +19,7 @@ from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
-from deepring.errors import DataError, FileError, StoppedError
+from deepring.errors import DataError, DeepringError, FileError, StoppedError
 from deepring.experiment.planned_jobs import planned
 from deepring.experiment.status import reason
 from deepring.experiment.sweep_lines import begun_line
@@ -117,6 +117,7 @@ def run_sweep(launch: Callable[[], None]) -> SweepOutcomes:
         _launch_again(launch)
         return _outcomes()
     except KeyboardInterrupt:
+        _note_interrupted()
         return _outcomes()._replace(interrupted=True)
     finally:
         if folder := os.environ.pop(OUTCOMES, ""):
@@ -136,6 +137,16 @@ def _launch_again(launch: Callable[[], None]) -> None:
             if all(note.attempts >= ATTEMPTS for note in killed):
                 return None
             log.warning("a job's process was killed; launching what is left again")
+
+
+def _note_interrupted() -> None:
+    """Tell the jobs that ended with the sweep from those whose process was killed."""
+    folder = os.environ.get(OUTCOMES)
+    for path in [] if folder is None else Path(folder).glob("*.json"):
+        with suppress(OSError, DeepringError, ValueError):
+            note = read_note(path)
+            if note.error == KILLED:
+                write_note(path, replace(note, error=INTERRUPTED))
 
 
 def _outcomes() -> SweepOutcomes:

@@ -36,11 +36,13 @@ _KINDS: dict[Name, str] = {
 }
 
 
-def sweep_page(folder: Path, radius: float, over: Over, beside: Path, *, mix: bool) -> str:
-    """The page of all finished runs in a folder.
+def sweep_page(
+    folders: Sequence[Path], radius: float, over: Over, beside: Path, *, mix: bool = False
+) -> str:
+    """The page of all finished runs in folders.
 
     Args:
-        folder: of a sweep or a comparison.
+        folders: of a sweep or a comparison, which has the name of the first.
         radius: metres; the results at this radius are shown.
         over: recall as the share of the answerable queries, or of all.
         beside: the folder of the page, from which it leads to the pages of the runs.
@@ -49,7 +51,7 @@ def sweep_page(folder: Path, radius: float, over: Over, beside: Path, *, mix: bo
     Raises:
         DeepringError: as `find_runs`, `compare` and `ablation_tables`.
     """
-    collection = find_runs([folder])
+    collection = find_runs(folders)
     runs = collection.runs
     compares = is_comparison(runs)
     shown = _comparison if compares else _ablation
@@ -69,12 +71,12 @@ def sweep_page(folder: Path, radius: float, over: Over, beside: Path, *, mix: bo
         html.heading("Tables"),
         *map(html.shown_table, tables),
         html.heading("Runs"),
-        _runs_table(runs, folder, beside),
+        _runs_table(runs, folders[0], beside),
     ]
     if collection.notes:
         parts.append(html.bullets(collection.notes, 50))
     title = "Comparison" if compares else "Sweep"
-    return html.page(f"{title}: {folder.resolve().name}", parts)
+    return html.page(f"{title}: {folders[0].resolve().name}", parts)
 
 
 def _comparison(
@@ -165,4 +167,4 @@ def _runs_table(runs: Sequence[Run], folder: Path, beside: Path) -> str:
         return [html.link(name, to), *map(escaped, (str(run.seed), minutes, methods))]
 
     head = ("run", "seed", "training (min)", "methods")
-    return html.table_of_html(head, map(row, runs))
+    return html.table_of_html(head, map(row, runs), ("methods",))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from deepring.evaluation.case import Case
 from deepring.evaluation.matches import TopMatches, matches_in
+from deepring.evaluation.recall_curves import RecallCurve, read_recall_curves
 from deepring.evaluation.results import Result
 from deepring.paper.seed_groups import Run, SeedGroup
 from deepring.reports.method_results import MethodResults, RegionResults
@@ -18,18 +19,22 @@ class SweepRows:
     def __init__(self, runs: Sequence[Run]) -> None:
         self._runs = {id(result): run for run in runs for result in run.results}
         self._matches: dict[str, dict[Case, TopMatches]] = {}
+        self._curves: dict[str, list[RecallCurve]] = {}
 
     def method(self, row: SeedGroup, name: str, trained_on: str = "") -> MethodResults:
         """A row as a method of a region."""
         results: dict[int, list[Result]] = {}
         matches: dict[int, TopMatches] = {}
+        curves: dict[int, list[RecallCurve]] = {}
         for seed, result in row.results.items():
             run = self._runs[id(result)]
             results[seed] = [each for each in run.results if each.case == result.case]
             found = self._matches_of(run).get(result.case)
             if found is not None:
                 matches[seed] = found
-        return MethodResults(name, results, matches, trained_on)
+            if known := [each for each in self._curves_of(run) if each.case == result.case]:
+                curves[seed] = known
+        return MethodResults(name, results, matches, trained_on, curves)
 
     def region(self, title: str, methods: Sequence[MethodResults], row: SeedGroup) -> RegionResults:
         """Methods of one region; ``row`` is any of its rows, which tells how they were counted."""
@@ -40,3 +45,8 @@ class SweepRows:
         if run.folder not in self._matches:
             self._matches[run.folder] = {m.case: m for m in matches_in(run.folder)}
         return self._matches[run.folder]
+
+    def _curves_of(self, run: Run) -> list[RecallCurve]:
+        if run.folder not in self._curves:
+            self._curves[run.folder] = read_recall_curves(run.folder)
+        return self._curves[run.folder]

@@ -88,7 +88,11 @@ def state_of(sweep: Path, now: float | None = None) -> SweepState:
     notes = {} if plan is None or plan.outcomes is None else _notes(sweep / plan.outcomes)
     runs = _runs(plan)
     planned = {} if plan is None else {job.folder: job for job in plan.jobs}
-    begun = [path.parent.name for path in sorted(sweep.glob("*/status.json"))]
+    begun = [
+        path.parent.name
+        for path in sorted(sweep.glob("*/status.json"))
+        if not path.parent.is_symlink()  # ``latest``, which is one of the others
+    ]
     # The folder's last command says what is to be done; an earlier one's runs are shown below it.
     names = dict.fromkeys([*planned, *notes, *begun])
     jobs = []

@@ -26,8 +26,8 @@ images show too little to tell such a fit from chance."""
 
 #: Two images fit each other by chance the better the fewer cells they have: in proportion to one
 #: over the root. The fit that is asked is at least this over the root of the cells. Chosen on
-#: worlds 200 to 203, see docs/poses.md: with 3.5 more scans from nowhere are trusted (5 of 11 381
-#: in place of 2), with 4.5 none, but 1 in 100 less of those that are in the map.
+#: worlds 200 to 203, see docs/localization_figures.md: with 3.5 more scans from nowhere are trusted
+#: (5 of 11 381 in place of 2), with 4.5 none, but 1 in 100 less of those that are in the map.
 FIT_TIMES_ROOT_OF_CELLS = 4.0
 
 #: Occupied cells that both images need. Fewer, in one heap, fit any other heap: of unrelated pairs

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from deepring.reports import html
+from deepring.reports import html, marks
 from deepring.reports.escaping import escaped
 from deepring.reports.interval_plot import interval_plot
 from deepring.reports.method_plots import families
@@ -78,7 +78,7 @@ def side_by_side(
 ) -> Iterator[str]:
     """Recall@1 of all methods in each region, with intervals; ``first`` is what the rows are."""
     plots = [f"<div>{interval_plot(region, kinds, first)}</div>" for region in regions]
-    yield html.pictures_in_rows(plots, wide=True)
+    yield html.pictures_in_rows(plots, "wide")
     yield html.soft(ABOUT_INTERVALS)
 
 
@@ -109,12 +109,7 @@ def legend(regions: Sequence[RegionResults], kinds: Kinds) -> str:
     shown: dict[str, str] = {}
     for method in (method for region in regions for method in region.methods):
         shown.setdefault(kinds.of(method), method.label)
-    items = "".join(
-        '<li><svg viewBox="0 0 26 10" aria-hidden="true">'
-        f'<path class="line {kind}" d="M0 5H26"/></svg>{escaped(label)}</li>'
-        for kind, label in shown.items()
-    )
-    return f'<ul class="legend">{items}</ul>'
+    return marks.legend(marks.line_legend(kind, label) for kind, label in shown.items())
 
 
 def pairs(regions: Sequence[RegionResults]) -> Iterator[str]:

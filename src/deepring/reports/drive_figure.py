@@ -21,24 +21,18 @@ from deepring.reports.style import (
 _TRUTH, _BEFORE, _AFTER = DATABASE, PALETTE[4], PALETTE[0]
 
 
-def drive_figure(result: DriveResult, only: str | None = None) -> Figure:
+def drive_figure(result: DriveResult) -> Figure:
     """Trajectory before and, if there is one, after optimisation, each in a panel, with the loops.
-
-    ``only`` is the name of a trajectory that is drawn alone.
 
     Loops are lines between keyframes: accepted ones green, rejected ones red. Where the truth is
     known it lies below, and trajectories are aligned with it. No line leads across a break of the
     odometry.
     """
-    drawn = {
-        name: poses[:, :2, 3]
-        for name, poses in result.aligned().items()
-        if only is None or name == only
-    }
+    drawn = {name: poses[:, :2, 3] for name, poses in result.aligned().items()}
     every = np.concatenate(list(drawn.values()))
     origin, extent = round_origin(every), np.ptp(every, axis=0)
     shape = float(np.clip(extent[1] / max(extent[0], 1e-9), 0.4, 1.4))
-    width = 6.4 if len(drawn) == 1 and only is None else 5.6
+    width = 6.4 if len(drawn) == 1 else 5.6
     figure = new_figure(width * len(drawn), width * shape + 1.3)
     panels = figure.subplots(1, len(drawn), squeeze=False)[0]
     for axes, (name, positions) in zip(panels, drawn.items(), strict=True):

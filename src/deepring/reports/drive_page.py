@@ -6,13 +6,13 @@ import numpy as np
 
 from deepring.data.spacing import path_lengths
 from deepring.localization.drives.drive_result import DriveResult, TrajectoryErrors
-from deepring.reports.drive_figure import drive_figure
+from deepring.reports.drive_drawing import drive_drawing
 from deepring.reports.html import (
+    figure,
     heading,
     long_table,
     page,
     paragraph,
-    picture,
     pictures_in_rows,
     table,
 )
@@ -33,10 +33,14 @@ def drive_page(result: DriveResult) -> str:
         *(paragraph(f"Mind: {doubt}.") for doubt in track.doubts),
         pictures_in_rows(
             (
-                picture(drive_figure(result, name), f"{_PICTURES[name]}; loops join keyframes")
+                figure(
+                    drive_drawing(result, name),
+                    f"{_PICTURES[name]}; loops join keyframes",
+                    "ground",
+                )
                 for name in result.trajectories()
             ),
-            wide=True,
+            "wide",
         ),
     ]
     errors = result.errors()
@@ -116,4 +120,5 @@ def _loops_table(result: DriveResult) -> str:
             )
             for loop in result.graph.loops[:_LISTED]
         ),
+        ("sees", "accepted"),
     )

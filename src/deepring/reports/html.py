@@ -1,22 +1,20 @@
 """Self-contained HTML pages, without network, server or scripts."""
 
-import base64
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-
-from matplotlib.figure import Figure
+from typing import Literal
 
 from deepring.errors import FileError
 from deepring.reports.escaping import escaped
-from deepring.reports.style import png
+from deepring.reports.indexed_png import data_uri
 from deepring.reports.table import Cell, Table, printable_table
 
-_PNG = b"\x89PNG\r\n\x1a\n"
+#: How much room pictures take, see `pictures_in_rows`.
+Room = Literal["", "wide", "scans", "couples"]
 
-#: Pixels of a page to an inch of a figure, and pixels of its file to one of the page.
-_SCALE, _SHARPNESS = 110, 1.6
+_PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def page(title: str, parts: Iterable[str]) -> str:
@@ -81,18 +79,27 @@ def link(text: str, to: str | None) -> str:
     return escaped(text) if to is None else f'<a href="{escaped(to)}">{escaped(text)}</a>'
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table of plain text."""
-    return table_of_html(head, ([*map(escaped, row)] for row in rows))
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], words: Collection[str] = ()) -> str:
+    """A table of plain text; the columns of the names ``words`` hold words, the others numbers."""
+    return table_of_html(head, ([*map(escaped, row)] for row in rows), words)
 
 
-def table_of_html(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table whose cells are HTML already."""
-    cells = "".join(f'<th scope="col">{escaped(name)}</th>' for name in head)
-    lines = "\n".join(
-        f'<tr><th scope="row">{first}</th>{"".join(f"<td>{value}</td>" for value in rest)}</tr>'
-        for first, *rest in rows
+def table_of_html(
+    head: Sequence[str], rows: Iterable[Sequence[str]], words: Collection[str] = ()
+) -> str:
+    """A table whose cells are HTML already, otherwise as `table`."""
+    kinds = [_of_words(name in words) for name in head]
+    cells = "".join(
+        f'<th scope="col"{kind}>{escaped(name)}</th>'
+        for name, kind in zip(head, kinds, strict=True)
     )
+
+    def line(row: Sequence[str]) -> str:
+        first, *rest = row
+        values = (f"<td{kind}>{value}</td>" for value, kind in zip(rest, kinds[1:], strict=True))
+        return f'<tr><th scope="row">{first}</th>{"".join(values)}</tr>'
+
+    lines = "\n".join(map(line, rows))
     header = f"<thead><tr>{cells}</tr></thead>\n" if any(head) else ""
     kind = "" if header else ' class="facts"'
     return f'<div class="scroll"><table{kind}>\n{header}<tbody>\n{lines}\n</tbody></table></div>'
@@ -101,7 +108,10 @@ def table_of_html(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def shown_table(table: Table) -> str:
     """A table as documents have it: the best in bold, rules between groups, notes below."""
     table = printable_table(table)
-    cells = "".join(f'<th scope="col">{escaped(name)}</th>' for name in table.headers)
+    heads = enumerate(map(escaped, table.headers))
+    cells = "".join(
+        f'<th scope="col"{_of_words(number < table.names)}>{name}</th>' for number, name in heads
+    )
     lines = []
     for number, row in enumerate(table.rows):
         rule = ' class="rule"' if number in table.breaks else ""
@@ -119,12 +129,19 @@ def _cell(column: int, cell: Cell, names: int) -> str:
     words = f"<b>{escaped(cell.text)}</b>" if cell.bold else escaped(cell.text)
     if column == 0:
         return f'<th scope="row">{words}</th>'
-    return f'<td class="text">{words}</td>' if column < names else f"<td>{words}</td>"
+    return f"<td{_of_words(column < names)}>{words}</td>"
 
 
-def long_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table that is scrolled where it has many rows."""
-    return f'<div class="long">{table(head, rows)}</div>'
+def _of_words(are: bool) -> str:
+    """The class of a cell that holds words and no number."""
+    return ' class="text"' if are else ""
+
+
+def long_table(
+    head: Sequence[str], rows: Iterable[Sequence[str]], words: Collection[str] = ()
+) -> str:
+    """A `table` that is scrolled where it has many rows."""
+    return f'<div class="long">{table(head, rows, words)}</div>'
 
 
 def bullets(lines: Sequence[str], most: int | None = None) -> str:
@@ -140,10 +157,19 @@ def points(lines: Iterable[str]) -> str:
     return "<ul>\n" + "\n".join(f"<li>{escaped(line)}</li>" for line in lines) + "\n</ul>"
 
 
-def pictures_in_rows(pictures: Iterable[str], *, wide: bool = False) -> str:
-    """Pictures beside each other, as many as the window has room for."""
-    kind = "wide row" if wide else "row"
-    return f'<div class="{kind}">\n' + "\n".join(pictures) + "\n</div>"
+def pictures_in_rows(pictures: Iterable[str], room: Room = "") -> str:
+    """Pictures beside each other, as many as the window has room for.
+
+    ``wide`` ones need more room, and those of ``scans`` less, as they have no words in them;
+    ``couples`` are two of these each, which stay side by side.
+    """
+    return f'<div class="{room} row">\n' + "\n".join(pictures) + "\n</div>"
+
+
+def figure(drawing: str, caption: str, kind: str = "") -> str:
+    """A drawing, HTML already, with its caption; ``kind`` is the class of the whole."""
+    of_kind = f' class="{kind}"' if kind else ""
+    return f"<figure{of_kind}>{drawing}<figcaption>{escaped(caption)}</figcaption></figure>"
 
 
 def preformatted(text: str) -> str:
@@ -152,19 +178,12 @@ def preformatted(text: str) -> str:
     return f"<pre>{lines}</pre>"
 
 
-def picture(source: Figure | Path, caption: str) -> str:
-    """A figure or a PNG file, embedded in the page; the caption is also its alternative text."""
-    size = ""
-    if isinstance(source, Path):
-        data = source.read_bytes()
-        if source.is_symlink() or not data.startswith(_PNG):
-            raise FileError(f"{source}: no PNG file, expected a figure of the run; delete it")
-    else:
-        data = png(source, dpi=_SCALE * _SHARPNESS)
-        size = f' width="{source.get_figwidth() * _SCALE:.0f}"'
-    words = escaped(caption)
-    base64_text = base64.b64encode(data).decode()
-    return (
-        f'<figure><img src="data:image/png;base64,{base64_text}"{size} alt="{words}">'
-        f"<figcaption>{words}</figcaption></figure>"
-    )
+def picture(file: Path, caption: str) -> str:
+    """A PNG file, embedded in the page; the caption is also its alternative text.
+
+    Raises FileError for a file that is none.
+    """
+    data = file.read_bytes()
+    if file.is_symlink() or not data.startswith(_PNG):
+        raise FileError(f"{file}: no PNG file, expected a figure of the run; delete it")
+    return figure(f'<img src="{data_uri(data)}" alt="{escaped(caption)}">', caption)

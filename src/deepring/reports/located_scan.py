@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.core.rigid import planar_pose, rotation_from_rpy
+from deepring.core.rigid import planar_pose
 from deepring.localization.location import Location
 from deepring.localization.map import Map
+from deepring.reports.lie import Lie, lie_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,22 +49,10 @@ def cell_centres(image: NDArray[np.bool_], extent: float) -> NDArray[np.float64]
     return centres.astype(np.float64)
 
 
-def cells_in_place(
-    image: NDArray[np.bool_], extent: float, location: Location, place: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """The occupied cells (k, 2) of a located scan in its place's frame, metres.
+def lie_in_place(location: Location, place: NDArray[np.float64]) -> Lie:
+    """How a located scan lies on its place, whose x, y and yaw (3,) in the world are given.
 
-    Args:
-        image: (n, n) of the scan.
-        extent: half the side of the image, metres.
-        location: of the scan.
-        place: (3,) x, y and yaw of the place in the world, metres and radians.
+    Metres and radians.
     """
-    shift = _turned(np.array([[location.x, location.y]]) - place[:2], -float(place[2]))
-    return _turned(cell_centres(image, extent), location.yaw - float(place[2])) + shift
-
-
-def _turned(positions: NDArray[np.float64], turn: float) -> NDArray[np.float64]:
-    rotation = rotation_from_rpy(0.0, 0.0, turn)[:2, :2]
-    turned: NDArray[np.float64] = positions @ rotation.T
-    return turned
+    of_place = planar_pose(*map(float, place))
+    return lie_of(np.linalg.inv(of_place) @ planar_pose(location.x, location.y, location.yaw))

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from deepring.core.rigid import wrap_angle, yaw_of
@@ -20,29 +19,42 @@ from deepring.localization.calibration import (
     trials_of,
 )
 from deepring.localization.map import Map
+from deepring.reports.errors_plot import errors_plot
 from deepring.reports.html import (
     bullets,
+    figure,
     heading,
     long_table,
     page,
     paragraph,
-    picture,
     pictures_in_rows,
     table,
 )
-from deepring.reports.located_scan import LocatedScan, cells_in_place
-from deepring.reports.location_figures import alignment_figure, errors_figure
-from deepring.reports.places_figure import Marks, places_figure
-from deepring.reports.style import HIT, MISS, PALETTE
+from deepring.reports.indexed_png import Colour
+from deepring.reports.located_scan import LocatedScan, lie_in_place
+from deepring.reports.places_drawing import Marked, places_drawing
+from deepring.reports.scan_images import defined, overlaid, scan_image
 
 #: Rows of the table, reasons of refusals, and alignments shown.
 _LISTED, _REASONS, _SHOWN = 1000, 50, 8
 
-#: What a doubt says, and its colour and marker.
+#: What a doubt says, and its kind of mark.
 _DOUBTS = {
-    "fit": ("fits too little", PALETTE[4], "^"),
-    "ratio": ("fits elsewhere nearly as well", PALETTE[3], "s"),
-    "few cells": ("shows too little", PALETTE[0], "v"),
+    "fit": ("fits too little", "fit"),
+    "ratio": ("fits elsewhere nearly as well", "ratio"),
+    "few cells": ("shows too little", "few"),
+}
+
+#: The colours of a place, and of a scan by its kind of mark, which can be told from each other on
+#: white and on dark paper.
+_PLACE: Colour = (140, 140, 140)
+_SCANS: dict[str, Colour] = {
+    "right": (0, 158, 115),
+    "wrong": (226, 98, 16),
+    "fit": (215, 146, 0),
+    "ratio": (201, 106, 160),
+    "few": (36, 132, 208),
+    "other": (140, 110, 90),
 }
 
 #: Trusted locations that lie further from the true poses than this, metres, in the middle, say that
@@ -69,14 +81,15 @@ def locations_page(
     wrong = {id(scan) for scan in truth if scan.location.trusted and not right[id(scan)]}
     parts = [table(("", ""), _summary(place_map, scans, refused, wrong if truth else None))]
     if len(place_map):
-        parts.append(picture(_figure(place_map, scans, wrong), "Located scans from above"))
+        drawing = _drawing(place_map, scans, wrong)
+        parts.append(figure(drawing, "Located scans from above", "ground"))
     if refused:
         parts += [heading("Refused"), bullets(refused, _REASONS)]
     if truth:
         parts += _errors(trials, truth)
     if scans:
         parts += [heading("How scans lie on their places"), paragraph(_EXPLANATION)]
-        parts.append(pictures_in_rows(_alignments(place_map, scans, wrong)))
+        parts.append(pictures_in_rows(_alignments(place_map, scans, wrong), "scans"))
         off = dict(
             zip(map(id, truth), zip(trials.metres, trials.degrees, strict=True), strict=True)
         )
@@ -88,8 +101,9 @@ def locations_page(
 
 
 _EXPLANATION = (
-    "Grey: what the place shows from above, its sensor in the middle. Coloured: what the scan "
-    "shows, laid where it was located; green is trusted."
+    "Grey: what the place shows from above, its sensor in the middle, x forward, upwards. Coloured "
+    "as on the map: what the scan shows, laid where it was located, and its sensor; green is "
+    "trusted."
 )
 
 
@@ -111,35 +125,34 @@ def _summary(
     yield "trust", f"fit {thresholds.fit:g}, ratio {thresholds.ratio:g}"
 
 
-def _doubt(doubt: str) -> tuple[str, str, str]:
-    return _DOUBTS.get(doubt, (doubt, PALETTE[6], "P"))
+def _doubt(doubt: str) -> tuple[str, str]:
+    return _DOUBTS.get(doubt, (doubt, "other"))
 
 
-def _figure(place_map: Map, scans: Sequence[LocatedScan], wrong: set[int]) -> Figure:
-    groups: dict[tuple[str, str, str], list[LocatedScan]] = {}
+def _drawing(place_map: Map, scans: Sequence[LocatedScan], wrong: set[int]) -> str:
+    groups: dict[tuple[str, str], list[LocatedScan]] = {}
     for scan in scans:
         groups.setdefault(_kind(scan, wrong), []).append(scan)
-    marks = [
-        Marks(label, np.array([_found(scan) for scan in group]), colour, marker)
-        for (label, colour, marker), group in sorted(groups.items())
+    marked = [
+        Marked(label, np.array([_found(scan) for scan in group]), kind)
+        for (label, kind), group in sorted(groups.items())
     ]
     errors = [
         (_found(scan), scan.pose[:2, 3])
         for scan in scans
         if id(scan) in wrong and scan.pose is not None
     ]
-    return places_figure(place_map.places.positions, (), marks, errors)
+    return places_drawing(place_map.places.positions, (), marked, errors)
 
 
-def _kind(scan: LocatedScan, wrong: set[int]) -> tuple[str, str, str]:
-    """Label, colour and marker."""
+def _kind(scan: LocatedScan, wrong: set[int]) -> tuple[str, str]:
+    """Label and kind of mark."""
     if id(scan) in wrong:
-        return "trusted, but wrong", MISS, "x"
+        return "trusted, but wrong", "wrong"
     doubt = scan.location.doubt
     if doubt is None:
-        return "trusted", HIT, "o"
-    _, colour, marker = _doubt(doubt)
-    return f"doubtful: {doubt}", colour, marker
+        return "trusted", "right"
+    return f"doubtful: {doubt}", _doubt(doubt)[1]
 
 
 def _found(scan: LocatedScan) -> NDArray[np.float64]:
@@ -158,7 +171,7 @@ def _errors(trials: LocalizationTrials, truth: Sequence[LocatedScan]) -> Iterato
             "Mind: most trusted locations lie far from the drive's poses. These seem to be of "
             "another world than the map's, and then the errors say nothing."
         )
-    yield picture(errors_figure(trials, trusted), "Errors of the located positions")
+    yield figure(errors_plot(trials, trusted), "Errors of the located positions", "ground")
     right = f"within {tolerance.metres:g} m and {tolerance.degrees:g}°"
     head = ("", "scans", right, "median", "95 %", "largest", "median turn")
     kinds = (("all", trusted | True), ("trusted", trusted), ("doubtful", ~trusted))
@@ -203,19 +216,26 @@ def _pose_errors(pose: NDArray[np.float64], true: NDArray[np.float64]) -> tuple[
 def _alignments(place_map: Map, scans: Sequence[LocatedScan], wrong: set[int]) -> Iterator[str]:
     """Pictures of some scans of every kind, wrong ones first."""
     raster = place_map.raster
-    for scan in selection(scans, [_kind(scan, wrong) for scan in scans], _SHOWN):
+    shown = selection(scans, [_kind(scan, wrong) for scan in scans], _SHOWN)
+    for number, scan in enumerate(shown):
         found = scan.location
         place = torch.tensor([found.place])
         (image,) = place_map.places.images(place).numpy()
         (pose,) = place_map.places.planar_poses(place).numpy()
         seen = unpack(scan.image[None], raster)[0].astype(np.bool_)
-        cells = cells_in_place(seen, raster.extent, found, pose)
-        label, colour, _ = _kind(scan, wrong)
-        figure = alignment_figure(image, cells, raster.extent, colour)
-        yield picture(
-            figure,
-            f"{scan.name} on {found.name}: {label}, fit {found.fit:.2f}, ratio {found.ratio:.2f}",
+        label, kind = _kind(scan, wrong)
+        words = (
+            f"{scan.name} on {found.name}: {label}, fit {found.fit:.2f}, ratio {found.ratio:.2f}"
         )
+        names = f"place-{number}", f"scan-{number}"
+        images = defined(
+            scan_image(name, each, raster.extent, colour)
+            for name, each, colour in zip(
+                names, (image.astype(np.bool_), seen), (_PLACE, _SCANS[kind]), strict=True
+            )
+        )
+        drawing = overlaid(*names, lie_in_place(found, pose), raster.extent, words)
+        yield figure(images + drawing, words)
 
 
 def selection(scans: Sequence[LocatedScan], kinds: Sequence[Any], most: int) -> list[LocatedScan]:
@@ -256,4 +276,5 @@ def _table(scans: Sequence[LocatedScan], off: dict[int, tuple[float, float]]) ->
             yield from (f"{value:.2f}" for value in off.get(id(scan), ()))
         yield found.name
 
-    return long_table(head, (list(cells(scan)) for scan in scans[:_LISTED]))
+    rows = (list(cells(scan)) for scan in scans[:_LISTED])
+    return long_table(head, rows, ("trusted", "found by"))

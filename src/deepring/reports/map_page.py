@@ -10,16 +10,15 @@ from deepring.data.spacing import sample_of
 from deepring.localization.map import Map
 from deepring.reports.html import (
     bullets,
+    figure,
     heading,
     page,
     paragraph,
-    picture,
     pictures_in_rows,
     table,
 )
-from deepring.reports.places_figure import places_figure
-from deepring.reports.sinograms import draw_bev, draw_sinogram
-from deepring.reports.style import new_figure
+from deepring.reports.places_drawing import places_drawing
+from deepring.reports.scan_images import PLACE, defined, laid_out, scan_image, value_image
 
 #: Places whose images are shown, and reasons for leaving scans out.
 _SHOWN, _REASONS = 4, 50
@@ -46,19 +45,21 @@ def map_page(
         parts += [heading("Left out"), bullets(left_out, _REASONS)]
     parts.append(heading("Places"))
     if len(place_map):
-        figure = places_figure(place_map.places.positions, paths)
-        parts.append(picture(figure, "The places from above, in the world of the map's poses"))
-        parts += [heading("What places show"), paragraph(_EXPLANATION)]
-        parts.append(pictures_in_rows(_pictures(place_map)))
+        drawing = places_drawing(place_map.places.positions, paths)
+        words = "The places from above, in the world of the map's poses"
+        parts.append(figure(drawing, words, "ground"))
+        about = _EXPLANATION.format(place_map.raster.extent)
+        parts += [heading("What places show"), paragraph(about)]
+        parts.append(pictures_in_rows(_pictures(place_map), "couples"))
     else:
         parts.append(paragraph("None."))
     return page(f"The map {name}", parts)
 
 
 _EXPLANATION = (
-    "Each place is kept as what stands out of the ground, seen from above, the sensor in the "
-    "middle, x forward. Its sinogram sums the image along lines, at every angle θ and offset τ: a "
-    "turn of the sensor moves it along θ. The descriptor is made of it."
+    "Each place is kept as what stands out of the ground within {:g} m, seen from above, the "
+    "sensor in the middle, x forward, upwards. Its sinogram sums the image along lines, at every "
+    "angle θ and offset τ: a turn of the sensor moves it along θ. The descriptor is made of it."
 )
 
 
@@ -70,11 +71,10 @@ def _pictures(place_map: Map) -> Iterator[str]:
     with torch.inference_mode():
         sinograms = place_map.network.representation(images)[:, 0].float().cpu().numpy()
     for place, image, sinogram in zip(places, images.numpy(), sinograms, strict=True):
-        name = f"{place_map.places.names[place]}, number {place}"
-        figure = new_figure(2.9, 2.9)
-        draw_bev(figure.add_subplot(), image, "", extent)
-        above = picture(figure, f"{name}: {int(image.sum())} occupied cells")
-        figure = new_figure(2.9, 2.9)
-        top = float(sinogram.max())
-        draw_sinogram(figure.add_subplot(), sinogram, "", extent, top, float(period))
-        yield above + picture(figure, f"{name}: sinogram")
+        name, own = f"{place_map.places.names[place]}, number {place}", f"place-{place}"
+        above = defined([scan_image(own, image.astype(np.bool_), extent, PLACE)])
+        above += laid_out(own, extent, f"{name}, from above")
+        words = f"{name}: {int(image.sum())} occupied cells"
+        axes = f"sinogram (θ down to {period:g}°, τ across)"
+        drawn = value_image(sinogram, 0.0, float(sinogram.max()), f"{axes} of {name}", 128)
+        yield f"<div>{figure(above, words)}{figure(drawn, f'{name}: {axes}')}</div>"

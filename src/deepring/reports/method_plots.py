@@ -1,5 +1,6 @@
 """The curves of a test's methods as small plots, whose axes are the same in every region."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -10,15 +11,18 @@ from deepring.evaluation.counting import precision_recall
 from deepring.evaluation.intervals import wilson
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.metrics import f1_along
-from deepring.evaluation.results import RECALLS
+from deepring.evaluation.recall_curves import MOST
 from deepring.reports import svg
-from deepring.reports.method_results import Kinds, MethodResults, RegionResults
+from deepring.reports.method_results import Kinds, MethodResults, RecallPoints, RegionResults
 from deepring.reports.table import rate_text
 
 Floats = NDArray[np.float64]
 
 #: Points of a drawn curve; more would not be seen.
 _POINTS = 160
+
+#: N whose recall has a dot.
+_DOTTED = (1, 5, 10, 15, 20, 25)
 
 #: Methods beside each other of which intervals are drawn; of more they would hide each other.
 _WITH_INTERVALS = 9
@@ -36,6 +40,8 @@ class Family(NamedTuple):
 def families(regions: Sequence[RegionResults], kinds: Kinds) -> Iterator[Family]:
     """Precision and recall, F1, Recall@N and Recall@1 over the radius; those that can be drawn."""
     radii = sorted({r for region in regions for r in _radii(region)})
+    recalls = [region.curve(method) for region in regions for method in region.ranked()]
+    lowest = min((mean for curve in recalls for _, mean, _, _ in curve), default=0.0)
     drawn: list[tuple[str, str, Callable[[RegionResults], str | None]]] = [
         (
             "Precision and recall",
@@ -51,9 +57,8 @@ def families(regions: Sequence[RegionResults], kinds: Kinds) -> Iterator[Family]
         ),
         (
             "Recall@N",
-            "Whether a right place is among the first, the first five, or the first 1 % of the "
-            "places, with 95 % intervals.",
-            lambda region: _recall_plot(region, kinds),
+            _about_recalls(recalls),
+            lambda region: _recall_plot(region, kinds, lowest),
         ),
         (
             "Recall@1 over the radius",
@@ -65,6 +70,17 @@ def families(regions: Sequence[RegionResults], kinds: Kinds) -> Iterator[Family]
         plots = {r.title: each for r in regions if (each := plot(r)) is not None}
         if plots:
             yield Family(title, explained, plots)
+
+
+def _about_recalls(curves: Sequence[RecallPoints]) -> str:
+    said = (
+        "How often a right place is among the first N. The area around the line of the best method "
+        "is its 95 % interval. A line ends where a method has no more places to offer."
+    )
+    known = [[n for n, *_ in curve] for curve in curves]
+    if [1, 5] in known:
+        said += " Of runs without recalls.csv only N of 1 and 5 is known: evaluate them again."
+    return said
 
 
 class Curve(NamedTuple):
@@ -144,19 +160,23 @@ def _f1_plot(region: RegionResults, kinds: Kinds) -> str | None:
     return plot.drawn(marks, f"F1, {_told(region)}") if marks else None
 
 
-def _recall_plot(region: RegionResults, kinds: Kinds) -> str | None:
-    names = ("@1", "@5", "@1 %")
-    across = svg.Axis("places that are looked at", -0.5, 2.5, (0, 1, 2), names)
-    plot = svg.Plot(across, svg.rate_axis("recall"))
-    methods = region.ranked()
+def _recall_plot(region: RegionResults, kinds: Kinds, lowest: float) -> str | None:
+    across = svg.Axis("places that are looked at, N", 1, MOST, _DOTTED)
+    low = min(math.floor(10 * lowest) / 10, 0.9)  # the same in every region
+    plot = svg.Plot(across, svg.Axis("Recall@N", low, 1.0, svg.round_ticks(low, 1.0)))
     marks = []
-    for method, beside in reversed([*zip(methods, _beside(len(methods)), strict=True)]):
-        kind = kinds.of(method)
-        for number, name in enumerate(RECALLS):
-            mean, low, high = region.interval(method, name)
-            told = f"{method.label}, R{names[number]}: {_with_interval(mean, low, high)}"
-            marks.append(plot.whisker(number, low, high, kind, beside))
-            marks.append(plot.dot(number, mean, kind, told, beside))
+    methods = region.ranked()
+    for method in reversed(methods):  # so that the best is on top
+        kind, curve = kinds.of(method), region.curve(method)
+        if method is methods[0]:
+            lower = [(n, bound) for n, _, bound, _ in curve]
+            marks.append(plot.band(lower, [(n, bound) for n, _, _, bound in curve], kind))
+        marks.append(plot.line([(n, mean) for n, mean, _, _ in curve], kind))
+        marks += [
+            plot.dot(n, mean, kind, f"{method.label}, R@{n}: {_with_interval(mean, *bounds)}")
+            for n, mean, *bounds in curve
+            if n in _DOTTED
+        ]
     return plot.drawn(marks, f"Recall@N, {_told(region)}") if marks else None
 
 
@@ -187,12 +207,6 @@ def _some(curve: Curve) -> NDArray[np.int64]:
     along = np.linspace(curve.accepted[0], curve.accepted[-1], _POINTS)
     some = np.searchsorted(curve.accepted, along).clip(max=len(curve.accepted) - 1)
     return np.unique(np.append(some, curve.f1.argmax()))
-
-
-def _beside(count: int) -> list[float]:
-    """How far beside its place each of several marks stands, in units of the view box."""
-    room = min(6.0, 62 / max(count, 1))
-    return [room * (number - (count - 1) / 2) for number in range(count)]
 
 
 def _radii(region: RegionResults) -> set[float]:

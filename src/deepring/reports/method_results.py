@@ -8,10 +8,14 @@ from dataclasses import dataclass, field
 from deepring.evaluation.intervals import wilson
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.metrics import Over
+from deepring.evaluation.recall_curves import RecallCurve
 from deepring.evaluation.reranked_labels import method_label
 from deepring.evaluation.results import RecallName, Result
-from deepring.reports.results_table import counted, recall
+from deepring.reports.results_table import counted, recall, share_over
 from deepring.reports.style import PALETTE
+
+#: N, the mean Recall@N and the ends of its 95 % interval.
+RecallPoints = list[tuple[int, float, float, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +29,8 @@ class MethodResults:
     """By seed, those that there are."""
     trained_on: str = ""
     """Said where there are several of one name."""
+    curves: Mapping[int, Sequence[RecallCurve]] = field(default_factory=dict)
+    """By seed, at all radii, those that there are."""
 
     @property
     def label(self) -> str:
@@ -58,6 +64,25 @@ class MethodResults:
         queries = statistics.fmean(counted(result, over) for result in results)
         return mean, *wilson(mean, queries)
 
+    def recall_curve(self, radius: float, over: Over) -> RecallPoints:
+        """N, the mean Recall@N over the seeds, and its 95 % interval by the queries of one seed.
+
+        Of runs that hold no curve only N of 1 and 5.
+        """
+        results = self.at(radius)
+        curves = [
+            [share_over(recall, results[seed], over) for recall in curve.recalls]
+            for seed, of_seed in self.curves.items()
+            for curve in of_seed
+            if seed in results and math.isclose(curve.radius_m, radius)
+        ]
+        if len(curves) < len(results):
+            names: dict[int, RecallName] = {1: "recall_1", 5: "recall_5"}
+            return [(n, *self.interval(radius, over, name)) for n, name in names.items()]
+        queries = statistics.fmean(counted(result, over) for result in results.values())
+        means = map(statistics.fmean, zip(*curves, strict=False))  # as far as the shortest
+        return [(n, mean, *wilson(mean, queries)) for n, mean in enumerate(means, 1)]
+
 
 @dataclass(frozen=True, eq=False)
 class RegionResults:
@@ -85,6 +110,10 @@ class RegionResults:
     ) -> tuple[float, float, float]:
         """A recall of a method at the radius, and its 95 % interval."""
         return method.interval(self.radius, self.over, name)
+
+    def curve(self, method: MethodResults) -> RecallPoints:
+        """The Recall@N of a method at the radius, see `MethodResults.recall_curve`."""
+        return method.recall_curve(self.radius, self.over)
 
 
 class Kinds:

@@ -7,10 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deepring.reports import svg
+from deepring.reports import html, svg
 from deepring.reports.escaping import escaped
+from deepring.reports.lie import Lie
+from deepring.reports.marks import legend, line_legend
 from deepring.reports.query_map import NAMES, kinds_of
-from deepring.reports.query_view import Lie, PlaceView, QueryMap, QueryView, ScanView
+from deepring.reports.query_view import PlaceView, QueryMap, QueryView, ScanView
 from deepring.reports.scan_images import laid_out, overlaid, value_image
 
 
@@ -108,7 +110,7 @@ def _pictures(region: QueryMap, view: QueryView, names: Names) -> Iterator[str]:
     titles += [f"nearest: place {p.scan.number}, {p.metres:.1f} m" for p in places[1:]]
     scans = [query, *(names.place_scan(place.scan.number) for place in places)]
     for name, title in zip(scans, titles, strict=True):
-        yield _figure(laid_out(name, region.extent, f"{title}, from above"), title)
+        yield html.figure(laid_out(name, region.extent, f"{title}, from above"), title)
     yield from _overlays(region, places, query, names)
     views = [view.scan, *(place.scan for place in places)]
     yield from _values([each.sinogram for each in views], "sinogram (θ down, τ across)", titles)
@@ -140,7 +142,7 @@ def _overlay(region: QueryMap, place: str, query: str, lie: Lie, words: str) -> 
     if lie.position is not None:
         pose += f", at ({lie.position[0]:z.1f}, {lie.position[1]:z.1f}) m"
     drawing = overlaid(place, query, lie, region.extent, f"Overlay, {words}: {pose}")
-    return _figure(drawing, f"{words}: {pose}")
+    return html.figure(drawing, f"{words}: {pose}")
 
 
 def _values(
@@ -154,11 +156,9 @@ def _values(
     high = max(float(array.max()) for array in known)
     for array, title in zip(known, titles, strict=True):
         role = title.split(":")[0].split(" ")[0]
-        yield _figure(value_image(array, low, high, f"{what} of the {title}"), f"{role}: {what}")
-
-
-def _figure(drawing: str, words: str) -> str:
-    return f"<figure>{drawing}<figcaption>{escaped(words)}</figcaption></figure>"
+        yield html.figure(
+            value_image(array, low, high, f"{what} of the {title}"), f"{role}: {what}"
+        )
 
 
 def _correlation(region: QueryMap, view: QueryView) -> str | None:
@@ -188,12 +188,9 @@ def _correlation(region: QueryMap, view: QueryView) -> str | None:
         at = best * region.period / len(curve)
         marks.append(plot.dot(at, float(curve[best]), role, told))
     names = {"found": "the place that was found", "near": "the nearest place"}
-    items = "".join(
-        '<li><svg viewBox="0 0 26 10" aria-hidden="true">'
-        f'<path class="line {role}" d="M0 5H26"/></svg>{names[role]}</li>'
-        for role in curves
+    return legend(line_legend(role, names[role]) for role in curves) + plot.drawn(
+        marks, "Score over the turn"
     )
-    return f'<ul class="legend">{items}</ul>' + plot.drawn(marks, "Score over the turn")
 
 
 def scans_of(view: QueryView) -> list[ScanView]:

@@ -11,18 +11,12 @@ import numpy as np
 from deepring.evaluation.case import in_file_names
 from deepring.reports import html
 from deepring.reports.escaping import escaped
-from deepring.reports.query_map import (
-    NAMES,
-    Frame,
-    hit_maps,
-    kinds_of,
-    map_legend,
-    places,
-    shape,
-)
+from deepring.reports.ground_frame import Frame
+from deepring.reports.marks import mark
+from deepring.reports.query_map import NAMES, hit_maps, kinds_of, map_legend, places
 from deepring.reports.query_panel import Names, query_panel, scans_of
 from deepring.reports.query_view import QueryMap
-from deepring.reports.scan_images import PLACE, QUERY, scan_image
+from deepring.reports.scan_images import PLACE, QUERY, defined, scan_image
 
 
 def query_sections(regions: Sequence[QueryMap]) -> Iterator[str]:
@@ -60,10 +54,9 @@ def _explorer(region: QueryMap, names: Names) -> str:
         )
         for number, view in enumerate(views)
     )
-    images = "".join(_images(region, names))
     return (
         f"<style>{_rules(region, names)}</style>\n"
-        f'<svg class="images" aria-hidden="true"><defs>{images}</defs></svg>\n'
+        f"{defined(_images(region, names))}\n"
         f'<div class="queries">\n{_map(region, names)}\n'
         f'<div class="panels">\n{panels}\n</div></div>'
     )
@@ -104,15 +97,15 @@ def _map(region: QueryMap, names: Names) -> str:
     for row, (position, kind) in enumerate(zip(region.queries, kinds, strict=True)):
         x, y = frame.at(position)
         title = f"<title>{escaped(_told(region, row, str(kind)))}</title>"
-        mark = f'<path class="hit {kind}" d="{shape(x, y, str(kind))}"/>'
+        drawn = mark((x, y), str(kind))
         if row not in shown:
-            parts.append(f"<g>{title}{mark}</g>")
+            parts.append(f"<g>{title}{drawn}</g>")
             continue
         to_x, to_y = frame.at(region.places[region.found[row]])
         linked.append(
             f'<a href="#{names.query(int(region.numbers[row]))}">{title}'
             f'<path class="way" d="M{x:g} {y:g}L{to_x:g} {to_y:g}"/>'
-            f'<circle class="halo" cx="{x:g}" cy="{y:g}" r="6"/>{mark}</a>'
+            f'<circle class="halo" cx="{x:g}" cy="{y:g}" r="6"/>{drawn}</a>'
         )
     described = f"{region.title}, {region.method}: {_counts(region)}"
     drawing = frame.drawn([*parts, *linked], region.axes, described, "map")

@@ -2,21 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deepring.reports.lie import Lie
+
 Floats = NDArray[np.float64]
-
-
-class Lie(NamedTuple):
-    """How the query lies on a place."""
-
-    turn: float
-    """Radians, the turn of the points from place to query."""
-    position: tuple[float, float] | None
-    """Metres, of the query's sensor in the place's frame; None where only the turn is known."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,6 +79,11 @@ def recall(result: Result, name: RecallName, over: Over) -> float:
     checks.one_of("over", over, Over)
     checks.one_of("name", name, RecallName)
     value: float = getattr(result, name)
+    return share_over(value, result, over)
+
+
+def share_over(value: float, result: Result, over: Over) -> float:
+    """A share of the answerable queries of a result as the share that ``over`` says."""
     return value if over == "answerable" else value * result.answerable / max(result.queries, 1)
 
 

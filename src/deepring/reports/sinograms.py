@@ -43,7 +43,7 @@ def sinogram_figure(
     for column, (image, name) in enumerate(
         ((sinogram, "Sinogram"), (turned, "Sinogram of the turned twin")), 1
     ):
-        draw_sinogram(figure.add_subplot(grid[0, column]), image, name, extent, top, period)
+        _draw_sinogram(figure.add_subplot(grid[0, column]), image, name, extent, top, period)
     _draw_correlation(figure.add_subplot(grid[1, :]), correlation, true_turn, period)
     return figure
 
@@ -57,7 +57,7 @@ def draw_bev(axes: Axes, bev: NDArray, title: str, extent: float) -> None:
     style_axes(axes, title, "y, left (m)", "x, forward (m)", grid=False)
 
 
-def draw_sinogram(
+def _draw_sinogram(
     axes: Axes, image: NDArray, name: str, extent: float, top: float, period: float
 ) -> None:
     """A sinogram (θ, τ), θ downwards over ``period`` degrees; ``top`` is the brightest value."""

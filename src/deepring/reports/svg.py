@@ -97,15 +97,15 @@ class Plot:
         around = path(self.at(*point) for point in [*low, *reversed(high)])
         return f'<path class="band {kind}" d="{around}Z"/>'
 
-    def whisker(self, x: float, low: float, high: float, kind: str, beside: float = 0.0) -> str:
-        """An interval as an upright line, a little ``beside`` its place, in units of the box."""
-        (across, bottom), (_, top) = self.at(x, low), self.at(x, high)
-        return f'<path class="whisker {kind}" d="M{across + beside:g} {bottom}V{top}"/>'
+    def bar(self, across: Point, up: Point, kind: str, told: str) -> str:
+        """The area from one value to another along both axes; ``told`` as of a `dot`."""
+        (left, bottom), (right, top) = (self.at(*corner) for corner in zip(across, up, strict=True))
+        title = f"<title>{escaped(told)}</title>"
+        return f'<path class="bar {kind}" d="M{left} {bottom}H{right}V{top}H{left}Z">{title}</path>'
 
-    def dot(self, x: float, y: float, kind: str, told: str = "", beside: float = 0.0) -> str:
+    def dot(self, x: float, y: float, kind: str, told: str = "") -> str:
         """A dot; ``told`` is said where the pointer rests on it."""
-        across, up = self.at(x, y)
-        return dot(across + beside, up, kind, told)
+        return dot(*self.at(x, y), kind, told)
 
 
 def dot(x: float, y: float, kind: str, told: str = "", size: float = 3.2) -> str:
@@ -131,12 +131,15 @@ def path(points: Iterable[Point]) -> str:
 
 
 def dots(points: Iterable[Point], kind: str) -> str:
-    """Many equal round marks as one path: lines without length, whose ends are round."""
-    data = "".join(f"M{x:g} {y:g}h0" for x, y in points)
+    """Many equal round marks as one path: lines without length, whose ends are round.
+
+    Those at one point are drawn once.
+    """
+    data = "".join(f"M{x:g} {y:g}h0" for x, y in dict.fromkeys(points))
     return f'<path class="marks {kind}" d="{data}"/>' if data else ""
 
 
-def round_ticks(low: float, high: float, most: int = 5) -> list[float]:
+def round_ticks(low: float, high: float, most: float = 5) -> list[float]:
     """Up to ``most`` round numbers between two, evenly apart.
 
     >>> round_ticks(0, 20)

@@ -47,6 +47,9 @@ class ScanBatchLoss(nn.Module, ABC):
         """Loss of a batch; losses that need the descriptors (b, ...) or turns override this."""
         return self(vectors, batch.positives, batch.negatives)
 
+    def expect(self, method: NetworkMethod, *, turned: bool) -> None:
+        """Raise ConfigError for a method or a sampling that does not serve; takes any here."""
+
 
 class BatchHardTriplet(ScanBatchLoss):
     """[margin + d(a, p) - d(a, n)]₊ of triplets of a batch, the mean over those that are not zero.
@@ -145,10 +148,12 @@ class BatchHardScheme(TrainingScheme):
         """Batches of the scans. Raises DataError for too few pairs."""
         return ScanBatchSet(scans, self, seed)
 
-    def expect_method(self, method: NetworkMethod, loss: nn.Module) -> None:  # noqa: ARG002
-        """Raise ConfigError for scans that are to be turned and cannot be."""
+    def expect_method(self, method: NetworkMethod, loss: nn.Module) -> None:
+        """Raise ConfigError for scans that cannot be turned, or a loss that cannot serve."""
         if self.turned:
             method.raster.sectors  # noqa: B018
+        assert isinstance(loss, ScanBatchLoss)
+        loss.expect(method, turned=self.turned)
 
     def step(self, method: NetworkMethod, loss: ScanBatchLoss, batch: ScanBatch) -> Step:
         """Describe the batch and compare all its scans with each other."""

@@ -9,6 +9,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from deepring import checks
+from deepring.methods.network import NetworkMethod
 from deepring.training.batch_hard import ScanBatch, ScanBatchLoss
 from deepring.training.scheme import Step
 from deepring.training.triplets import batch_accuracy, squared_distances
@@ -74,3 +75,7 @@ class BatchSoftmaxWithTurn(BatchSoftmax):
         mean = total / max(len(scans), 1)
         parts = {"softmax": step.loss.detach(), "turn": mean.detach()}
         return Step(step.loss + self.turn_weight * mean, step.accuracy, parts)
+
+    def expect(self, method: NetworkMethod, *, turned: bool) -> None:
+        """See `TurnCrossEntropy.expect`."""
+        self.turn.expect(method, turned=turned)

@@ -16,6 +16,10 @@ from deepring.data.session import Session
 PAIRS = 8
 #: Share of the pairs that resemble nothing, for a doubt.
 LOST = 0.75
+#: Metres found for each metre given are 1 to within the first, in median of the second many clear
+#: pairs that are the third many metres apart: 0.976 to 1.000 in 9 parts of good drives, real and
+#: simulated, single pairs 0.87 to 1.03.
+SCALED, SCALED_PAIRS, SCALED_APART = 0.08, 4, 4.0
 
 
 class OverlayCheck(NamedTuple):
@@ -63,6 +67,8 @@ def check_overlays(session: Session) -> OverlayCheck:
             "check that scans and poses are of one drive and in one order",
         )
         return OverlayCheck([finding], finding.found)
+    if (scaled := _scaled(clear)) is not None:
+        return OverlayCheck([scaled], scaled.found)
     right = [o for o in clear if o.right]
     if not right:
         return OverlayCheck([], "not compared: scans look the same along the path")
@@ -85,6 +91,24 @@ def _contradiction(session: Session, clear: list[Overlay], wrong: list[Overlay])
     )
     advice = explanation(session, clear, wrong)
     return Finding("poses", text, advice)
+
+
+def _scaled(clear: list[Overlay]) -> Finding | None:
+    """Positions that are all too near to each other or too far, by a little: of another scale."""
+    lengths = [(math.hypot(*o.given[:2]), math.hypot(*o.found[:2])) for o in clear]
+    ratios = np.array([found / given for given, found in lengths if given >= SCALED_APART])
+    if len(ratios) < SCALED_PAIRS:
+        return None
+    scale = float(np.median(ratios))
+    one_sided = np.mean((ratios > 1) == (scale > 1)) >= LOST
+    if abs(scale - 1) <= SCALED or not one_sided:
+        return None
+    return Finding(
+        "poses",
+        f"{len(ratios)} pairs of neighbouring scans fit best {scale:.2f} times as far apart as "
+        "they are by the poses (median), expected 1.00",
+        f"check the scale of the poses: times {scale:.2f} they would fit",
+    )
 
 
 def _motion(pose: Planar) -> str:

@@ -1,6 +1,7 @@
 """Whether the poses of a session can be those of its scans."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deepring.data.inspection.finding import Finding
 from deepring.data.inspection.motion import (
@@ -94,13 +95,13 @@ def _axes(session: Session, motion: Motion) -> list[Finding]:
 
 
 def _heading(session: Session, motion: Motion) -> list[Finding]:
-    """Motion in ever other directions of the scans, although the path turns."""
+    """Motion whose direction in the scans' frame changes, although the path turns."""
     forward, turning = motion.forward, motion.turning
     if motion.path < LEAST_PATH or forward is None or turning is None or forward >= LEAST_FORWARD:
         return []
     found = (
-        f"the drive moves in ever other directions of its scans (constancy {forward:.2f}, 0.99 if "
-        "driven forwards)"
+        "in the scans' frame the direction of motion changes from pose to pose (constancy "
+        f"{forward:.2f}; 0.99 of a vehicle that drives forwards)"
     )
     reading = _plausible_reading(session, motion, LEAST_TURNING)
     if reading is not None:
@@ -163,6 +164,7 @@ def _steps(session: Session, motion: Motion) -> list[Finding]:
         return []
     steps = np.linalg.norm(np.diff(session.poses[:, :3, 3], axis=0), axis=1)
     advice = "expected metres, and poses in the order of the scans: check unit, order and rows"
+    fast = _too_fast(session, steps)
     found = []
     far = steps > FARTHEST_STEP
     if far.any():
@@ -172,18 +174,28 @@ def _steps(session: Session, motion: Motion) -> list[Finding]:
         )
     elif motion.step > LONGEST_STEP:
         found.append(f"neighbouring poses are {motion.step:.0f} m apart")
-    elif session.stamps is not None:
-        seconds = np.diff(session.stamps / NANOSECONDS)
-        fast = (steps > SHORTEST_JUMP) & (steps > FASTEST * np.abs(seconds))
-        if fast.any():
-            found.append(
-                f"{fast.sum()} of {len(steps)} steps are faster than {FASTEST:.0f} m/s, the "
-                f"longest {steps[fast].max():.0f} m"
-            )
+    elif fast.any():
+        found.append(
+            f"{fast.sum()} of {len(steps)} steps are faster than {FASTEST:.0f} m/s, the "
+            f"longest {steps[fast].max():.0f} m"
+        )
     if found and motion.step > LONGEST_STEP:
         reading = _plausible_reading(session, motion)
         advice = advice if reading is None else _as(reading)
-    return [Finding("poses", text, advice) for text in found]
+    # A jump or two may be of one scan; most steps are of no drive in any case.
+    unusable = motion.step > FARTHEST_STEP or (motion.step > LONGEST_STEP and fast.mean() > 0.5)
+    if unusable:
+        apart = f"{motion.step / 1000:.1f} m apart"
+        advice += f"; if they are millimetres, neighbouring ones are {apart}"
+    return [Finding("poses", text, advice, unusable) for text in found]
+
+
+def _too_fast(session: Session, steps: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mask of the steps that no vehicle takes in the time between their stamps."""
+    if session.stamps is None:
+        return np.zeros(len(steps), dtype=np.bool_)
+    seconds = np.diff(session.stamps / NANOSECONDS)
+    return np.asarray((steps > SHORTEST_JUMP) & (steps > FASTEST * np.abs(seconds)))
 
 
 def _stamps(session: Session) -> list[Finding]:

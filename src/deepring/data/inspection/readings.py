@@ -69,7 +69,8 @@ def other_axes(scans: Sequence[Coordinates], ground_z: float) -> Reading | None:
         if most_plausible([points @ turn for points in scans], ground_z):
             return Reading(
                 f"points with axes {name}",
-                "turn them to x forward, y left, z up (custom drives: set up)",
+                "turn them to x forward, y left, z up (custom drives: set up, or sensor_in_body "
+                "where the poses are those of the vehicle)",
             )
     return None
 

@@ -45,7 +45,8 @@ LEAST_GROUND = 0.5
 #: Metres between the ground that the points show and where it should be: up to 0.4 as a median of
 #: several scans. Single scans tilt.
 MOST_GROUND_OFF, MOST_GROUND_OFF_SINGLE = 0.75, 1.2
-#: Metres above the ground, from which the surroundings that are looked at show little of it.
+#: Metres above the ground, from which the surroundings that are looked at show little of it, but
+#: some points are nearer to it than to the sensor.
 HIGHEST_SENSOR = 10.0
 #: Metres and ratio: points lie below the ground, and several times as deep as others are high.
 DEEPEST, DEEPER = 3.0, 2.0
@@ -224,7 +225,7 @@ def ground_finding(f: ScanFigures, ground_z: float | None, single: bool = False)
     if ground_z is None:
         return None
     most = MOST_GROUND_OFF_SINGLE if single else MOST_GROUND_OFF
-    in_view = -ground_z < HIGHEST_SENSOR
+    in_view = -ground_z < HIGHEST_SENSOR or f.low > ground_z / 2
     if in_view and shows_ground(f) and abs(f.ground - ground_z) > most:
         return Finding(
             "ground",

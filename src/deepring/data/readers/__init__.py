@@ -120,7 +120,7 @@ def detect_format(root: Path | str) -> str:
     if (name := _format_of_file(Path(root))) is not None:
         return name
     base = existing_root(root)
-    guesses = _guesses(base)
+    guesses = layouts_in(base)
     if len(guesses) == 1:
         return guesses[0]
     if guesses:
@@ -171,7 +171,7 @@ def _name_layouts(reader: Reader) -> Iterator[None]:
         yield
     except LayoutError as error:
         folder = error.root if error.root.is_dir() else None
-        guesses = [name for name in (_guesses(folder) if folder else ()) if name != reader.name]
+        guesses = [name for name in (layouts_in(folder) if folder else ()) if name != reader.name]
         advice = "".join(
             f" This looks like a {reader_of(name).title} folder: use format {name}."
             for name in guesses
@@ -188,7 +188,7 @@ def _format_of_file(root: Path) -> str | None:
     return next((r.name for r in _readers() if ending_of(root) in r.file_endings), None)
 
 
-def _guesses(root: Path) -> list[str]:
+def layouts_in(root: Path) -> list[str]:
     """The layouts with signatures in ``root`` or a few levels below it."""
     readers = list(_readers())
     scan_folders = {folder for reader in readers for folder in reader.scan_folders}

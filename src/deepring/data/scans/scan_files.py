@@ -22,6 +22,8 @@ _READERS: dict[str, Callable[[Path], Points]] = {
 #: Endings of files that contain one scan; upper case is taken, too.
 SCANS = (".bin", *_READERS)
 
+_ENDINGS = sorted((*SCANS, *BAGS))
+
 
 def read_scan(path: Path | str, binary: str | None = None) -> Points:
     """Points (n, 3) float32, metres, of a .npy, .pcd, .ply or .bin file.
@@ -63,23 +65,29 @@ def scan_records(path: Path | str, binary: str | None = None) -> Points:
     return formats[binary].read(path)
 
 
-def scan_files(paths: Sequence[Path]) -> list[Path]:
+def holds_scans(folder: Path) -> bool:
+    """Whether files of scans or bags lie in a folder itself."""
+    return bool(files_with(folder, _ENDINGS))
+
+
+def scan_files(paths: Sequence[Path], every: int = 1) -> list[Path]:
     """The given files, and the scan files and bags of the given folders.
 
-    A folder's files are in the order of the numbers in their names; hidden ones are left out. A
-    folder that is itself a bag counts as a file. Raises FileError for a missing path or a folder
-    without scans.
+    A folder's files are in the order of the numbers in their names; hidden ones are left out, and
+    of its scans every ``every``-th is taken. A folder that is itself a bag counts as a file. Raises
+    FileError for a missing path or a folder without scans.
     """
-    endings = sorted((*SCANS, *BAGS))
     files: list[Path] = []
     for path in paths:
         if path.is_dir() and not is_bag(path):
-            inside = files_with(path, endings)
+            inside = files_with(path, _ENDINGS)
             if not inside:
+                expected = ", ".join(_ENDINGS)
                 raise FileError(
-                    f"{path}: a folder without scans; expected files ending in {', '.join(endings)}"
+                    f"{path}: a folder without scans; expected files ending in {expected}"
                 )
-            files += inside
+            taken = {*[file for file in inside if not is_bag(file)][::every]}
+            files += [file for file in inside if file in taken or is_bag(file)]
         elif path.exists():
             files.append(path)
         else:

@@ -9,6 +9,8 @@ from torch import Tensor, nn
 
 from deepring import checks
 from deepring.core.phase import phase_curves
+from deepring.errors import ConfigError
+from deepring.methods.network import NetworkMethod
 from deepring.training.scheme import Step
 
 CountedPositive = Literal["nearest", "farthest"]
@@ -36,6 +38,9 @@ class TupleLoss(nn.Module, ABC):
     @abstractmethod
     def forward(self, tuples: TupleDescriptors) -> Step:
         """Loss of a batch of tuples."""
+
+    def expect(self, method: NetworkMethod, *, turned: bool) -> None:
+        """Raise ConfigError for a method or a sampling that does not serve; takes any here."""
 
 
 class LazyQuadruplet(TupleLoss):
@@ -82,7 +87,8 @@ class TurnCrossEntropy(nn.Module):
     """Cross-entropy of the turn between query and positives, from their phase correlation.
 
     Logits over θ are the magnitudes of the correlation, summed over r, times a learned scale
-    (DiSCO, Sec. III-D; Corr2Softmax in MaverickPeter/DiSCO-pytorch, which starts at 200).
+    (DiSCO, Sec. III-D; Corr2Softmax in MaverickPeter/DiSCO-pytorch, which starts at 200). The rows
+    of a map are the sectors that scans are turned by.
     """
 
     def __init__(self, scale: float = 200.0) -> None:
@@ -96,6 +102,22 @@ class TurnCrossEntropy(nn.Module):
         logits = (self.scale * curves.abs()).sum(dim=-1)
         targets = turn[:, None].expand(logits.shape[:2]).flatten()
         return F.cross_entropy(logits.flatten(0, 1), targets, reduction="sum")
+
+    def expect(self, method: NetworkMethod, *, turned: bool) -> None:
+        """Raise ConfigError for descriptors that are no maps, or scans that are not turned."""
+        if not turned:
+            raise ConfigError(
+                "sampling.turned: false, expected true, since the loss learns the turns that are "
+                "drawn; choose a loss without turns otherwise"
+            )
+        shape: tuple[int, ...] = getattr(method, "descriptor_shape", ())
+        sectors = method.raster.sectors
+        if len(shape) != 2 or shape[0] != sectors:
+            raise ConfigError(
+                f"loss: learns turns, expected a method whose descriptors are maps (θ, r) of the "
+                f"raster's {sectors} sectors, such as DiSCO, not {method.settings.label} with "
+                f"{shape}; choose a loss without turns or another method"
+            )
 
 
 class QuadrupletWithTurn(TupleLoss):
@@ -121,6 +143,10 @@ class QuadrupletWithTurn(TupleLoss):
         turn = self.turn(maps[:, 0], maps[:, 1 : 1 + tuples.positives], tuples.turn)
         parts = {**step.parts, "quadruplet": step.loss.detach(), "turn": turn.detach()}
         return Step(step.loss + turn, step.accuracy, parts)
+
+    def expect(self, method: NetworkMethod, *, turned: bool) -> None:
+        """See `TurnCrossEntropy.expect`."""
+        self.turn.expect(method, turned=turned)
 
 
 def _squared_distance(a: Tensor, b: Tensor) -> Tensor:

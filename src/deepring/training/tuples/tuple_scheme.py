@@ -75,10 +75,12 @@ class TupleScheme(TrainingScheme):
         """Tuples of the scans. Raises DataError if no scan has enough positives and negatives."""
         return TupleSet(scans, self, seed)
 
-    def expect_method(self, method: NetworkMethod, loss: nn.Module) -> None:  # noqa: ARG002
-        """Raise ConfigError for scans that are to be turned and cannot be."""
+    def expect_method(self, method: NetworkMethod, loss: nn.Module) -> None:
+        """Raise ConfigError for scans that cannot be turned, or a loss that cannot serve."""
         if self.turned:
             method.raster.sectors  # noqa: B018
+        assert isinstance(loss, TupleLoss)
+        loss.expect(method, turned=self.turned)
 
     def step(self, method: NetworkMethod, loss: TupleLoss, batch: TupleBatch) -> Step:
         """Describe all scans of the tuples at once."""

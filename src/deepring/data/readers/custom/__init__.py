@@ -236,7 +236,8 @@ def _expect_upright(poses: NDArray[np.float64], drive: DriveDescription) -> None
         raise ConfigError(
             f"{drive.file}: up: {drive.up}, world_up: {drive.world_up}; with these, scans are "
             f"tilted by {tilt:.0f}° in half of the poses, expected at most 60°. Set up to the axis "
-            "of the scans that points up, and world_up to that of the poses' world"
+            "of the scans that points up, and world_up to that of the poses' world; where the "
+            "poses are those of the vehicle, leave up out and give sensor_in_body"
             + ("; quaternions are read as qx qy qz qw" if drive.pose_format == "tum" else "")
         )
 
