@@ -25,7 +25,7 @@ from deepring.cli.train_commands import (
 )
 from deepring.errors import ConfigError
 from deepring.evaluation.metrics import Over
-from deepring.experiment.compose import composed
+from deepring.experiment.compose import composed, expect_no_data
 from deepring.experiment.config import Config
 from deepring.experiment.config_groups import config_folder
 from deepring.experiment.dataset_columns import lacking_columns
@@ -45,6 +45,7 @@ def compare_command(args: argparse.Namespace) -> None:
     """Run both sweeps, print their tables, and write their page; finished runs are skipped."""
     if args.learned == args.fixed == "":
         raise ConfigError("--learned, --fixed: both empty, expected at least one method; name one")
+    expect_no_data(args.overrides)
     parts = [[f"sweep={kind}", *own, *args.overrides] for kind, own in _sweeps(args)]
     if len(parts) > 1:  # so that `deepring status` knows the jobs of both from the beginning
         plan_together([sweep_overrides(["-m", *part])[1:] for part in parts])

@@ -38,10 +38,12 @@ def check_training(config: DictConfig, overrides: Sequence[str]) -> Config:
         overrides: of the run, which it was composed with.
 
     Raises:
-        ConfigError: a value that is missing, or of another type; a stage that changes a key of
-            the run; ``stage=`` beside ``stages=``.
+        ConfigError: a value that is missing, or of another type; a dataset that nothing takes; a
+            stage that changes a key of the run; ``stage=`` beside ``stages=``.
     """
     cfg = check_config(config)
+    if cfg.train_data and cfg.test_data:
+        expect_no_data(overrides)
     if not cfg.stages:
         return cfg
     names = list(cfg.stages)
@@ -63,6 +65,17 @@ def check_training(config: DictConfig, overrides: Sequence[str]) -> Config:
     }
     last = filled[names[-1]]
     return replace(cfg, **of_each[names[-1]], evaluate=last.evaluate, stages=of_each)
+
+
+def expect_no_data(overrides: Sequence[str]) -> None:
+    """Raise ConfigError for overrides of ``data`` where ``train=`` and ``test=`` name datasets."""
+    for text in overrides:
+        if _key(text).partition(".")[0] == "data":
+            raise ConfigError(
+                f"{text}: nothing takes it, since train= and test= name the datasets; give their "
+                "folders as paths.roots.NAME=FOLDER, other keys as train_data.NAME.KEY= and "
+                "test_data.NAME.KEY="
+            )
 
 
 def _of_stage(name: str, values: Any, overrides: Sequence[str], folder: Path) -> Config:

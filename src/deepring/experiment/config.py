@@ -60,6 +60,10 @@ class EvaluationSettings:
         return cast("Over", self.over)
 
 
+#: The simulated datasets of ``conf/data``, without the worlds that a seed chooses.
+SIMULATED = ("sim_custom", "sim_mulran", "sim_nclt")
+
+
 @dataclass
 class PathsConfig:
     """Folders, relative to where the command is started."""
@@ -67,9 +71,10 @@ class PathsConfig:
     outputs: str = "outputs"  # of all runs
     datasets: str = "${paths.outputs}/datasets"  # of simulated datasets
     cache: str = "${paths.outputs}/cache"  # of rasters; may be deleted
-    #: Folders of downloads by reader, for sweeps over datasets; a single run has data.root.
+    #: Folders of downloads by reader and of simulated datasets elsewhere than in ``datasets``, for
+    #: sweeps over datasets; a single run has data.root.
     roots: dict[str, str | None] = field(
-        default_factory=lambda: dict.fromkeys(reader_names(), "???")
+        default_factory=lambda: dict.fromkeys([*reader_names(), *SIMULATED], "???")
     )
     #: The folder of this run, which Hydra makes.
     run: str = "${hydra:runtime.output_dir}"
