@@ -101,6 +101,11 @@ def _dev(environment: Environment) -> None:
     )
 
 
+def suite(environment: Environment) -> None:
+    """The default tests of the checkout."""
+    environment.run("-m", "pytest", "-p", "no:cacheprovider", "-n", "1", cwd=ROOT)
+
+
 #: Of each extra of pyproject.toml, after the smoke test in the same folder.
 TRIALS: dict[str, Trial] = {
     "parallel": _parallel,
