@@ -47,6 +47,7 @@ def work(rank, folder):
     for name, (first, _) in SHARES.items():
         mine = slice(None, first) if rank == 0 else slice(first, None)
         torch.save(measure(scores[mine], distances[mine]), f"{folder}/{name}-{rank}.pt")
+    dist.barrier()  # torch 2.4 hangs if it frees what was gathered while the group goes
     dist.destroy_process_group()
 
 

@@ -45,6 +45,7 @@ def export_onnx(network: NetworkMethod, path: Path | str) -> None:
     form = make_form().eval()
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it misses torchvision; we do not
     example = torch.zeros(2, *network.raster.shape)
+    batch = torch.export.Dim("batch", min=1, max=2**31 - 1)  # torch 2.7 crashes without a maximum
     with replacing(path) as temporary, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the exporter about itself
         program = torch.onnx.export(
@@ -52,7 +53,7 @@ def export_onnx(network: NetworkMethod, path: Path | str) -> None:
             (example,),
             input_names=["images"],
             output_names=["descriptors"],
-            dynamic_shapes={"images": {0: torch.export.Dim("batch", min=1)}},
+            dynamic_shapes={"images": {0: batch}},
             opset_version=OPSET,
             dynamo=True,
             verbose=False,
