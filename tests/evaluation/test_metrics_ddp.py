@@ -62,7 +62,7 @@ def folder(tmp_path_factory):
 def test_two_processes_equal_one(folder, name):
     expected = measure(*everything())
     for rank in range(2):
-        found = torch.load(folder / f"{name}-{rank}.pt")
+        found = torch.load(folder / f"{name}-{rank}.pt", weights_only=True)
         assert found.keys() == expected.keys()
         for key, value in expected.items():
             torch.testing.assert_close(found[key], value)
