@@ -17,7 +17,7 @@ from rosbags.rosbag2 import Reader
 from deepring.data.scans.bag_files import bag_scans
 from deepring.errors import BrokenScanError, DataError, DeepringError, FileError
 from helpers import mcap
-from helpers.bags import CLOUD, KINDS, START, encoded, message, write_bag
+from helpers.bags import KINDS, START, describe, encoded, message, write_bag
 
 SCANS = np.random.default_rng(0).normal(0, 20, (6, 5, 3)).astype(np.float32)
 CLOUDS = [message(scan) for scan in SCANS]
@@ -71,35 +71,12 @@ FORMS = [
 ]
 
 
-def describe(path):
-    """Write the metadata.yaml without which rosbags 0.10 reads no file."""
-    topic = {"name": "/points", "type": CLOUD, "serialization_format": "cdr"}
-    metadata = {
-        "version": 5,
-        "storage_identifier": "mcap",
-        "relative_file_paths": [path.name],
-        "starting_time": {"nanoseconds_since_epoch": START},
-        "duration": {"nanoseconds": len(CLOUDS) - 1},
-        "message_count": len(CLOUDS),
-        "compression_format": "",
-        "compression_mode": "",
-        "topics_with_message_count": [
-            {
-                "topic_metadata": {**topic, "offered_qos_profiles": ""},
-                "message_count": len(CLOUDS),
-            }
-        ],
-    }
-    text = yaml.safe_dump({"rosbag2_bagfile_information": metadata})
-    (path.parent / "metadata.yaml").write_text(text)
-
-
 @pytest.mark.parametrize("data", FORMS)
 def test_mcap_files_of_every_form_are_read_as_another_library_does(data, tmp_path):
     path = tmp_path / "drive.mcap"
     path.write_bytes(data)
     assert all_or_an_error(path)
-    describe(path)
+    describe(path, START, len(CLOUDS))
     with Reader(tmp_path) as bag:
         theirs = [(time, bytes(raw)) for _, time, raw in bag.messages()]
     assert theirs == [(START + k, encoded(c, START + k)) for k, c in enumerate(CLOUDS)]
