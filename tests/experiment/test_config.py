@@ -201,10 +201,12 @@ BESIDE = {
     "loss=quadruplet_with_turn": ["sampling=tuples", "method=disco"],
     "method/aggregation=dft2": ["method/similarity=l2"],
 }
+#: But for methods, each of which `test_methods` composes and builds.
 OPTIONS = [
     f"{group}={option}"
     for group, options in group_options(config_folder()).items()
     for option in options
+    if group != "method"
 ]
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from matplotlib.figure import Figure
+from tensorboard.compat.proto.summary_pb2 import Summary
 from torch import Tensor
 from torch.utils.tensorboard import SummaryWriter
 
@@ -14,7 +14,6 @@ from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.protocol import Outcome
 from deepring.evaluation.reranked_labels import method_label
 from deepring.reports.hparams_events import Value, add_hparams
-from deepring.reports.style import without_formulas
 
 #: Thresholds that TensorBoard's PR page draws.
 THRESHOLDS = 127
@@ -50,14 +49,14 @@ class Projection(NamedTuple):
 def write_events(
     folder: Path,
     outcomes: list[Outcome],
-    figures: Mapping[str, Figure],
+    pictures: Mapping[str, bytes],
     hyperparameters: Mapping[str, Value],
     first: Mapping[str, type],
 ) -> None:
-    """Write metrics, PR curves, figures and hyperparameters of an evaluation.
+    """Write metrics, PR curves, pictures and hyperparameters of an evaluation.
 
     The metrics beside the hyperparameters are those of the method that was trained, or else of the
-    first: the others do not depend on them. The keys of ``figures`` are the names of their files.
+    first: the others do not depend on them. ``pictures`` are PNG files, by their names.
     ``folder`` is the run's TensorBoard folder; ``first`` is that of `add_hparams`.
     """
     with SummaryWriter(str(folder), flush_secs=FLUSH_SECONDS) as writer:
@@ -68,8 +67,8 @@ def write_events(
                 writer.add_scalar(f"test/{place}/{name}/{case.method}", getattr(head, metric))
             tag = f"test/{place}/{case.method}"
             add_pr_curve(writer, tag, outcome.matches, head.radius_m, head.wrong_beyond_m)
-        for name, figure in figures.items():
-            writer.add_figure(picture_tag(name), without_formulas(figure), close=False)
+        for name, picture in pictures.items():
+            _add_png(writer, picture_tag(name), picture)
         add_hparams(writer, hyperparameters, first, own_figures(outcomes))
 
 
@@ -90,6 +89,20 @@ def own_figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
         for outcome, beyond in zip(own, further, strict=True)
         if beyond == kind
     }
+
+
+def _add_png(writer: SummaryWriter, tag: str, picture: bytes) -> None:
+    """Add a PNG file as it is; ``add_figure`` would draw it anew."""
+    width, height = (int.from_bytes(picture[k : k + 4], "big") for k in (16, 20))  # its header
+    image = Summary.Image(
+        height=height, width=width, colorspace=_RGBA, encoded_image_string=picture
+    )
+    summary = Summary(value=[Summary.Value(tag=tag, image=image)])
+    writer.file_writer.add_summary(summary)  # type: ignore[attr-defined]  # typed as None
+
+
+#: TensorBoard's number for red, green, blue and opacity.
+_RGBA = 4
 
 
 def picture_tag(name: str) -> str:
