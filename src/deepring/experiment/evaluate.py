@@ -19,7 +19,7 @@ from deepring.evaluation.results import Result, write_results
 from deepring.evaluation.scoring import FOLDER as DESCRIPTORS
 from deepring.evaluation.task import RetrievalTask, load_task
 from deepring.experiment.config import EvaluationSettings
-from deepring.experiment.hyperparameters import hyperparameters
+from deepring.experiment.hyperparameters import INTEREST, hyperparameters
 from deepring.experiment.pictures import evaluation_figures
 from deepring.experiment.plan import Plan
 from deepring.experiment.projector import project
@@ -141,7 +141,7 @@ def _show(plan: Plan, folder: Path, outcomes: list[tuple[RetrievalSet, list[Outc
         write_whole(folder / "figures" / f"{name}.png", [picture])
     events = folder / "tensorboard"
     every_outcome = [outcome for _, of in outcomes for outcome in of]
-    write_events(events, every_outcome, drawn, hyperparameters(plan.record))
+    write_events(events, every_outcome, drawn, hyperparameters(plan.record), INTEREST)
     learned = [(split, outcome) for split, of in outcomes for outcome in of if outcome.case.train]
     if plan.network is not None and learned:
         split, outcome = learned[0]
