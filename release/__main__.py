@@ -3,18 +3,16 @@
 import argparse
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 from release import distributions, interpreters
-from release.environment import CommandError, Environment
-from release.outcome import NOT_CHECKED, PASSED, Outcome, status, table
-from release.requirements import OF_THE_CHECKOUT, constrained, extras, lowest, project
-from release.trials import TRIALS, smoke
+from release.outcome import NOT_CHECKED, Outcome, status, table
+from release.requirements import OF_THE_CHECKOUT
+from release.series import LOWEST, NEWEST, Group, Series
+from release.trials import TRIALS, suite
 
-NEWEST, LOWEST = "newest", "lowest"
-_PARTS = ("files", "pythons", "lowest", "extras", "together", "checkout")
+_PARTS = ("files", "pythons", "lowest", "tests", "extras", "together", "checkout")
 
 
 def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
@@ -27,7 +25,8 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
         choices=_PARTS,
         default=_PARTS,
         help="files: wheel and sdist; pythons: newest versions on each; and on the first: lowest "
-        "versions, each extra alone, all together, extras for work on the checkout (all)",
+        "versions without and with each extra and all, tests of the checkout with the lowest, each "
+        "extra alone, all together, extras for work on the checkout (all)",
     )
     parser.add_argument("--extras", nargs="+", choices=TRIALS, default=list(TRIALS))
     parser.add_argument(
@@ -79,116 +78,31 @@ def _outcomes(args: argparse.Namespace, folder: Path) -> Iterator[Outcome]:
             if parts:
                 yield Outcome(version, "-", ", ".join(parts), f"{NOT_CHECKED}: no interpreter")
             continue
-        yield from _of_python(args, parts, folder, version, interpreter, wheel)
+        for versions, groups in series(parts, args.extras):
+            one = Series(version, interpreter, wheel, args.constraint, versions)
+            yield from one.outcomes(folder / versions, groups)
 
 
-def _of_python(
-    args: argparse.Namespace,
-    parts: Sequence[str],
-    folder: Path,
-    version: str,
-    interpreter: Path,
-    wheel: Path,
-) -> Iterator[Outcome]:
-    if "lowest" in parts:
-        yield _lowest(args, folder / f"lowest{version}", version, interpreter, wheel)
-    if not {"pythons", "extras", "together", "checkout"} & set(parts):
-        return
-    plain = Environment(folder / version)
-    try:
-
-        def first() -> None:
-            plain.make(interpreter)
-            plain.install(str(wheel), constraints=args.constraint)
-            smoke(plain)
-
-        outcome = _tried(version, NEWEST, "without extras", plain, first)
-        yield outcome
-        if outcome.result != PASSED:
-            return
-        mine = [name for name in args.extras if name not in OF_THE_CHECKOUT]
-        groups = [[name] for name in mine] if "extras" in parts else []
-        groups += [mine] if "together" in parts else []
-        if "checkout" in parts:
-            groups += [[name] for name in args.extras if name in OF_THE_CHECKOUT]
-        for group in groups:
-            yield _with_extras(args, folder / "extra", version, plain, wheel, group)
-    finally:
-        plain.delete()
-
-
-def _with_extras(
-    args: argparse.Namespace,
-    folder: Path,
-    version: str,
-    plain: Environment,
-    wheel: Path,
-    names: list[str],
-) -> Outcome:
-    """What extras are for, in a copy of an environment without any."""
-    environment = Environment(folder)
-
-    def trial() -> None:
-        environment.copy(plain)
-        asked = f"deepring[{','.join(names)}] @ {wheel.as_uri()}"
-        environment.install(asked, constraints=args.constraint)
-        for name in names:
-            _named(name, TRIALS[name], environment)
-
-    try:
-        return _tried(version, NEWEST, _title(names), environment, trial)
-    finally:
-        environment.delete()
-
-
-def _lowest(
-    args: argparse.Namespace, folder: Path, version: str, interpreter: Path, wheel: Path
-) -> Outcome:
-    """The lowest versions that pyproject.toml allows, with all extras of users."""
-    environment, pinned = Environment(folder), constrained(args.constraint)
-    names = [name for name in extras() if name in args.extras]
-    described = project()
-    asked = [*described["dependencies"]]
-    for name in names:
-        asked += described["optional-dependencies"][name]
-    bounds = [one for one in lowest(asked) if one.partition("==")[0].lower() not in pinned]
-
-    def trial() -> None:
-        environment.make(interpreter)
-        environment.install(str(wheel), *bounds, constraints=args.constraint)
-        smoke(environment)
-        for name in names:
-            _named(name, TRIALS[name], environment)
-
-    versions = LOWEST + "".join(f" but {name}" for name in sorted(pinned))
-    try:
-        return _tried(version, versions, _title(names), environment, trial)
-    finally:
-        environment.delete()
-
-
-def _named(name: str, trial: Callable[[Environment], None], environment: Environment) -> None:
-    try:
-        trial(environment)
-    except CommandError as error:
-        raise CommandError(f"{name}: {error}") from error
-
-
-def _tried(
-    python: str, versions: str, what: str, environment: Environment, trial: Callable[[], None]
-) -> Outcome:
-    start, result, installed = time.monotonic(), PASSED, ""
-    try:
-        trial()
-        installed = environment.versions()
-    except CommandError as error:
-        print(error, file=sys.stderr)
-        result = f"failed: {str(error).partition(chr(10))[0][:120]}"
-    return Outcome(python, versions, what, result, time.monotonic() - start, installed)
-
-
-def _title(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else f"{len(names)} extras together"
+def series(parts: Collection[str], extras: Sequence[str]) -> Iterator[tuple[str, list[Group]]]:
+    """LOWEST and NEWEST, if the parts ask for them, each with groups of the extras."""
+    users = [name for name in extras if name not in OF_THE_CHECKOUT]
+    alone, together = [Group.of([name]) for name in users], [Group.of(users)]
+    checkout = [Group.of([name]) for name in extras if name in OF_THE_CHECKOUT]
+    groups = {
+        "lowest": [*alone, *together],
+        "tests": [Group(["dev"], {"the tests of the checkout": suite})],
+        "pythons": [],
+        "extras": alone,
+        "together": together,
+        "checkout": checkout,
+    }
+    for versions, mine in (
+        (LOWEST, ("lowest", "tests")),
+        (NEWEST, ("pythons", "extras", "together", "checkout")),
+    ):
+        asked = [part for part in mine if part in parts]
+        if asked:
+            yield versions, [group for part in asked for group in groups[part]]
 
 
 if __name__ == "__main__":

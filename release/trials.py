@@ -101,6 +101,13 @@ def _dev(environment: Environment) -> None:
     )
 
 
+def suite(environment: Environment) -> None:
+    """The tests of the checkout, as `make test` runs them."""
+    environment.run(
+        *("-m", "pytest", "-p", "no:cacheprovider", "-n", "2", "--dist", "worksteal"), cwd=ROOT
+    )
+
+
 #: Of each extra of pyproject.toml, after the smoke test in the same folder.
 TRIALS: dict[str, Trial] = {
     "parallel": _parallel,

@@ -1,5 +1,6 @@
 """Shared fixtures. One thread a process: the suite runs in several."""
 
+import gc
 import os
 
 os.environ["OMP_NUM_THREADS"] = "1"
@@ -11,6 +12,19 @@ import pytest
 
 from deepring.simulation.presets import tiny
 from deepring.simulation.simulate import simulate
+
+
+def pytest_collection() -> None:
+    """Nothing that collection makes is garbage: modules, functions, tests."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Leave a million objects that stay to the end out of every later search for garbage."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(10_000, 10, 10)
+    gc.enable()
 
 
 @pytest.fixture

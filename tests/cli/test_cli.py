@@ -44,6 +44,7 @@ def test_train_then_evaluate_its_checkpoint_then_resume(tiny_nclt, tmp_path):
 
     checkpoint = "outputs/demo/latest/checkpoints/best.ckpt"
     options = [f"checkpoint={checkpoint}", f"data.root={tiny_nclt}", "evaluation.figures=false"]
+    options.append("evaluation.rerank=[]")
     again = deepring("evaluate", *options, "evaluation.radii=[25]", cwd=tmp_path)
     assert again.returncode == 0, again.stderr
     assert "25 m" in again.stdout

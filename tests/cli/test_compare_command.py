@@ -35,7 +35,7 @@ def test_tables_come_of_one_command_and_a_second_start_trains_nothing(
         *("train_data.sim_nclt.regions.margin=1",),
     ]
     shared = [
-        *("--test", "sim_nclt,sim_mulran", "--seeds", "0"),
+        *("--test", "sim_nclt,sim_mulran", "--seeds", "0", "evaluation.figures=false"),
         *pointed(tiny_nclt, tiny_mulran),
     ]
     fixed = deepring(

@@ -79,22 +79,37 @@ def test_poses_of_a_bag_are_asked_for_and_have_to_be_its_own(drive, tmp_path, he
     assert not (tmp_path / "a.map").exists()
 
 
-def test_poses_that_no_drive_has_are_said_or_refused(drive, tmp_path, here):
+def test_poses_that_no_drive_has_are_refused(drive, tmp_path, here):
     bag = bag_of(drive, tmp_path)
     build = ("map", "build", bag, "-o", "a.map", "--ground-z", 0, "--poses")
     stamps = [START + k * STEP for k in range(7)]
     millimetres = drive.poses[:7] * np.array([1, 1, 1, 1000.0])[None, None]
     write_tum(tmp_path / "mm.tum", millimetres, stamps)
-    done = here(*build, "mm.tum", "--spacing", 0)
-    assert "warning: mm.tum: poses:" in done.stderr, done.stderr
-    assert "steps between neighbouring poses exceed" in done.stderr
-
-    assert "1 of 8 scans have no pose within 0.1 s" in done.stderr
-    (tmp_path / "a.map").unlink()
+    refused(here(*build, "mm.tum"), "mm.tum cannot be used", "if they are millimetres")
     wrong = drive.poses[:7].copy()
     wrong[:, :3, :3] = wrong[:, :3, :3] @ np.diag([1.0, -1.0, -1.0])
     write_tum(tmp_path / "tilted.tum", wrong, stamps)
     refused(here(*build, "tilted.tum"), "tilted.tum cannot be used", "poses:")
+    write_tum(tmp_path / "few.tum", drive.poses[:3], stamps[:3])
+    refused(here(*build, "few.tum"), "5 of 8 scans have no pose within 0.1 s", "(--poses)")
+    assert not (tmp_path / "a.map").exists()
+
+
+def test_a_map_remembers_what_was_doubtful_about_its_drive(drive, tmp_path, here):
+    bag = bag_of(drive, tmp_path)
+    jump = drive.poses[:7].copy()
+    jump[3, 0, 3] += 5e3
+    write_tum(tmp_path / "jump.tum", jump, [START + k * STEP for k in range(7)])
+    build = ("--ground-z", 0, "--poses", "jump.tum", "--spacing", 0)
+    done = here("map", "build", bag, "-o", "a.map", *build)
+    assert "1 of 8 scans have no pose within 0.1 s" in done.stderr
+    doubt = "jump.tum: poses: 2 of 6 steps between neighbouring poses exceed 1000 m"
+    assert f"warning: {doubt}" in done.stderr
+    (kept,) = Map.open(tmp_path / "a.map").doubts
+    assert kept.startswith(doubt)
+    assert f"doubtful     {doubt}"[:60] in here("map", "info", "a.map").stdout
+    located = here("localize", "a.map", bag, "--every", 8)
+    assert f"warning: a.map: built from doubtful data: {doubt}" in located.stderr
 
 
 def test_scans_of_a_folder_with_poses_are_a_drive_and_no_cloud(drive, tmp_path, here):

@@ -17,7 +17,7 @@ from rosbags.rosbag2 import Reader
 from deepring.data.scans.bag_files import bag_scans
 from deepring.errors import BrokenScanError, DataError, DeepringError, FileError
 from helpers import mcap
-from helpers.bags import KINDS, START, encoded, message, write_bag
+from helpers.bags import KINDS, START, describe, encoded, message, write_bag
 
 SCANS = np.random.default_rng(0).normal(0, 20, (6, 5, 3)).astype(np.float32)
 CLOUDS = [message(scan) for scan in SCANS]
@@ -76,7 +76,8 @@ def test_mcap_files_of_every_form_are_read_as_another_library_does(data, tmp_pat
     path = tmp_path / "drive.mcap"
     path.write_bytes(data)
     assert all_or_an_error(path)
-    with Reader(path) as bag:
+    describe(path, START, len(CLOUDS))
+    with Reader(tmp_path) as bag:
         theirs = [(time, bytes(raw)) for _, time, raw in bag.messages()]
     assert theirs == [(START + k, encoded(c, START + k)) for k, c in enumerate(CLOUDS)]
 

@@ -11,6 +11,9 @@ from deepring.data.readers.nclt import open_nclt
 from deepring.experiment.compose import check_training
 from deepring.experiment.config import check_config
 from deepring.experiment.config_groups import config_folder, register_configs
+from helpers.composing import read_files_once
+
+read_files_once()
 
 
 @pytest.fixture(scope="session")

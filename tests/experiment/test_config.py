@@ -14,7 +14,7 @@ from deepring.data.readers import reader_names
 from deepring.errors import DeepringError
 from deepring.experiment import build
 from deepring.experiment.config_groups import chosen_options, config_folder, group_options
-from deepring.experiment.hyperparameters import hyperparameters
+from deepring.experiment.hyperparameters import INTEREST, hyperparameters
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.record import record_of
 from deepring.methods.deepring import SIMILARITIES
@@ -201,10 +201,12 @@ BESIDE = {
     "loss=quadruplet_with_turn": ["sampling=tuples", "method=disco"],
     "method/aggregation=dft2": ["method/similarity=l2"],
 }
+#: But for methods, each of which `test_methods` composes and builds.
 OPTIONS = [
     f"{group}={option}"
     for group, options in group_options(config_folder()).items()
     for option in options
+    if group != "method"
 ]
 
 
@@ -287,12 +289,21 @@ def test_an_ablation_runs_on_the_experiment_and_the_data_one_names(composed):
 def test_hparams_shows_first_what_sweeps_vary(composed):
     cfg = composed(ROOT, "experiment=demo", "variant=triplet", "seed=3")
     values = hyperparameters(record_of(cfg))
-    assert sorted(values)[:5] == ["aggregation", "data", "encoder", "input", "loss"]
-    assert [values[key] for key in sorted(values)[:5]] == [
-        *("DFT", "sim_nclt", "8-16-32 x1", "SG", "Triplet")
-    ]
-    assert (values["seed"], values["ways"], values["more.loss.margin"]) == (3, 24, 0.5)
+    first = list(INTEREST)[:5]
+    assert first == ["method", "loss", "ways", "seed", "data"]
+    assert [values[key] for key in first] == ["DeepRing", "Triplet", 24, 3, "sim_nclt"]
+    further = ("aggregation", "encoder", "input", "more.loss.margin")
+    assert [values[key] for key in further] == ["DFT", "8-16-32 x1", "SG", 0.5]
     assert all(isinstance(value, bool | str | float | int) for value in values.values())
+    assert {key for key in values if not key.startswith("more.")} <= set(INTEREST)
+    assert "more.optimizer.lr" not in values  # once is enough
+
+
+def test_hparams_of_a_method_that_learns_nothing_are_its_own(composed):
+    cfg = composed("method=ring", "test=[sim_mulran]")
+    values = hyperparameters(record_of(cfg))
+    short = {key: value for key, value in values.items() if not key.startswith("more.")}
+    assert short == {"method": "RING", "data": "sim_mulran", "seed": cfg.seed}
 
 
 def test_a_polar_branch_is_chosen_changed_and_shown(composed):

@@ -34,6 +34,7 @@ def crossing(composed, tiny_nclt, tiny_mulran):
                 "trainer.log_every_n_steps=1",
                 "callbacks.progress=null",
                 "evaluation.figures=false",
+                "evaluation.rerank=[]",
             ),
             *("methods.scan_context=null", "methods.scan_context_120=null", *overrides),
         )
@@ -101,7 +102,7 @@ def test_only_training_scans_reach_the_training(crossing, monkeypatch, tmp_path)
         points.append(self.train_set.places.points)
 
     monkeypatch.setattr(PlaceDataModule, "setup", spy)
-    cfg = crossing()
+    cfg = crossing("evaluate=false")
     train(cfg, tmp_path / "run")
     dataset = build.datasets(cfg)[0][0]
     expected = np.concatenate([scans.positions for scans in dataset.training()])

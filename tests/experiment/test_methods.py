@@ -6,7 +6,7 @@ from omegaconf import OmegaConf
 
 from deepring.errors import ConfigError, DeepringError
 from deepring.experiment import build
-from deepring.experiment.config_groups import config_folder
+from deepring.experiment.config_groups import config_folder, group_options
 from deepring.experiment.entries import method_entries
 from deepring.experiment.plan import plan_evaluation
 from deepring.experiment.record import record_of
@@ -48,6 +48,10 @@ def tiny(method):
     return (*network, *PAIRS) if method in GPU else TINY_METHODS[name]
 
 
+def test_every_option_for_a_method_is_tried():
+    assert sorted(METHODS) == group_options(config_folder())["method"]
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_each_method_names_its_command_and_says_whether_it_learns(method, composed):
     lines = (config_folder() / "method" / f"{method}.yaml").read_text().splitlines()
@@ -55,15 +59,16 @@ def test_each_method_names_its_command_and_says_whether_it_learns(method, compos
     cfg = composed("data.root=/nowhere", f"method={method}")
     (entry,) = [each for each in ENTRIES if each.name == method]
     assert build.learns(cfg.method) == entry.learns == (method in LEARNED)
-    assert build.method(cfg.method).raster.columns == entry.columns
+    made, fixed = build.method(cfg.method), build.fixed_methods(cfg)
+    build.datasets(cfg)
+    assert made.raster.columns == entry.columns
     if method in LEARNED:
-        network = build.method(cfg.method)
-        module = build.module(cfg, [], network)
+        module = build.module(cfg, [], made)
         module.configure_optimizers()
         clearance = None if method in RAW else 0.5  # the comparison's
-        assert network.raster.preprocessing.clearance == clearance
+        assert made.raster.preprocessing.clearance == clearance
     else:
-        assert len(build.fixed_methods(cfg)) == 4 - (method in cfg.methods)
+        assert len(fixed) == 4 - (method in cfg.methods)
 
 
 @pytest.mark.parametrize("method", GPU)

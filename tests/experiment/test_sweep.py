@@ -28,6 +28,7 @@ TINY = (
     "data.regions.margin=1",
     "methods={ring: null, scan_context: null, scan_context_120: null}",
     "evaluation.figures=false",
+    "evaluation.rerank=[]",
     "callbacks.progress=null",
 )
 

@@ -24,7 +24,7 @@ from fuzz.mutations.sealed import forged_tensors, forged_values, parts_of, put_t
 from fuzz.mutations.zips import zip_entries
 from fuzz.outcomes import message_fault, same
 from fuzz.processes import run_all
-from helpers.bags import START
+from helpers.bags import START, describe
 
 FORMATS = {format.name: format for format in every_format()}
 #: Inputs of each format with the default tests; `make fuzz` runs thousands.
@@ -143,7 +143,8 @@ def test_forged_checkpoints_have_right_checksums(bench_of):
 def test_mcap_files_are_those_that_a_library_reads(bench_of, tmp_path):
     content = bench_of("bag mcap with checksums").good["a.mcap"]
     (tmp_path / "a.mcap").write_bytes(content)
-    with Reader(tmp_path / "a.mcap") as bag:
+    describe(tmp_path / "a.mcap", START, 6)
+    with Reader(tmp_path) as bag:
         assert [time for _, time, _ in bag.messages()] == [START + k * 10**8 for k in range(6)]
     altered = content.replace(b"lidar", b"radar", 1)
     with pytest.raises(UndecodableError, match="checksum"):

@@ -33,6 +33,8 @@ def _intensity_for_z(points, most):
     return rows(np.column_stack([points[:, :2], intensity]), 4)
 
 
+_UP_TO_60 = np.array([60, 1, 1, 1], dtype="<f4")
+
 WRONG = {
     "float64": lambda p, _: rows(p, 4, "<f8"),
     "float64 without intensity": lambda p, _: rows(p, 3, "<f8"),
@@ -62,6 +64,7 @@ WRONG = {
     "intensity of 0 to 1 for z": lambda p, _: _intensity_for_z(p, 1),
     "one plane": lambda p, _: rows(p * [1, 1, 0], 4),
     "intensity first": lambda p, _: rows(p, 4)[:, [3, 0, 1, 2]],
+    "intensity of 0 to 60 first": lambda p, _: rows(p, 4)[:, [3, 0, 1, 2]] * _UP_TO_60,
 }
 
 #: What the advice must name, where another reading of the same bytes or points is plausible.
@@ -85,10 +88,12 @@ NAMED = {
     "z down": "z down",
     "a camera's axes": "a camera's",
     "y up": "y up",
+    "intensity first": "the second to fourth column",
+    "intensity of 0 to 60 first": "the second to fourth column",
 }
 
 #: Wrong in ways that a scan may happen to look like: doubted, and not refused.
-DOUBTED = ("intensity of 0 to 1 for z", "intensity first")
+DOUBTED = ("intensity of 0 to 1 for z",)
 
 
 def write_wrong(folder, kind, clouds, poses):

@@ -184,7 +184,7 @@ def test_altered_bytes_are_told_where_they_are_checked(saved):
 
 def test_other_versions_and_kinds_are_told(saved):
     rewritten(saved, stated={"version": 99})
-    with pytest.raises(FileError, match="format version 99, expected 4; build it again"):
+    with pytest.raises(FileError, match="format version 99, expected 5; build it again"):
         Map.open(saved)
     rewritten(saved, stated={"version": 3, "kind": "network"})
     with pytest.raises(FileError, match="a file of kind 'network'; expected a map"):

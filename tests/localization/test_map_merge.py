@@ -40,9 +40,13 @@ def maps(tiny_nclt):
     return (*made, drives[1])
 
 
-def test_the_frame_of_a_second_drive_is_found(maps):
+@pytest.fixture(scope="module")
+def frame(maps):
     first, second, _ = maps
-    frame = find_frame(first, second)
+    return find_frame(first, second)
+
+
+def test_the_frame_of_a_second_drive_is_found(frame):
     assert frame.agreeing >= 0.9 * frame.located >= 0.5 * frame.tried
     assert math.hypot(*(frame.pose[:2, 3] - MOVED[:2, 3])) < 1.0
     assert abs(frame.pose[2, 3] - MOVED[2, 3]) < 0.3
@@ -50,9 +54,9 @@ def test_the_frame_of_a_second_drive_is_found(maps):
     assert frame.error < 1.0
 
 
-def test_the_merged_map_answers_for_both(maps):
+def test_the_merged_map_answers_for_both(maps, frame):
     first, second, drive = maps
-    both = merged(first, second, find_frame(first, second), "b/")
+    both = merged(first, second, frame, "b/")
     assert len(both) == len(both.points) == len(first) + len(second)
     assert both.places.names[len(first) :] == [f"b/{name}" for name in second.places.names]
     np.testing.assert_array_equal(both.places.poses[: len(first)], first.places.poses)
@@ -67,9 +71,9 @@ def test_the_merged_map_answers_for_both(maps):
     assert math.hypot(*(drive.positions[3] - [location.x, location.y])) < 2.0
 
 
-def test_a_merged_map_keeps_points_if_both_do(maps):
+def test_a_merged_map_keeps_points_if_both_do(maps, frame):
     first, second, _ = maps
-    frame, points = find_frame(first, second), second.points
+    points = second.points
     try:
         second.points = None
         assert merged(first, second, frame).points is None

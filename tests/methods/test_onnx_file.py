@@ -7,13 +7,14 @@ import onnx
 import onnxruntime
 import pytest
 import torch
+from release.requirements import project
 
 from deepring.errors import DeepringError
 from deepring.methods.deepring import DeepRing
 from deepring.methods.deepring.polar_branch import PolarSettings
 from deepring.methods.deepring.real_form import RealDeepRing
 from deepring.methods.network_file import make_network
-from deepring.methods.onnx_file import export_onnx
+from deepring.methods.onnx_file import FIRST_TORCH, export_onnx
 from deepring.methods.pointnetvlad import PointNetVlad, PointNetVladSettings
 from deepring.rasters import BevRaster, PointsRaster, PolarRaster, raster_settings
 from helpers.networks import deepring_settings
@@ -99,3 +100,11 @@ def test_other_networks_are_refused(tmp_path):
     with pytest.raises(DeepringError, match="onnx: PointNetVLAD has no ONNX form"):
         export_onnx(points, tmp_path / "a.onnx")
     assert not list(tmp_path.iterdir())
+
+
+def test_an_older_torch_is_refused_and_the_extra_asks_for_the_first(tmp_path, monkeypatch):
+    monkeypatch.setattr(torch, "__version__", "2.6.0+cpu")
+    with pytest.raises(DeepringError, match=r"torch 2\.6\.0\+cpu cannot .* 2\.7 or later; pip"):
+        export_onnx(network(), tmp_path / "a.onnx")
+    assert not list(tmp_path.iterdir())
+    assert f"torch>={FIRST_TORCH}" in project()["optional-dependencies"]["onnx"]

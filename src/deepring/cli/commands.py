@@ -67,7 +67,8 @@ COMMANDS = {
         "Print the tables of finished runs, beside the paper's values, and write them as "
         "Markdown, LaTeX, CSV and a figure. Runs that differ in nothing but the seed are one row. "
         "Runs of several methods, or tested in several places, are compared (Tables I and II); "
-        "any others are an ablation (Tables III and IV).",
+        "any others are an ablation of DeepRING (Tables III and IV), without the methods that each "
+        "was evaluated beside.",
     ),
     "case-study": _Command(
         dataset_options.add_case_study,

@@ -39,7 +39,7 @@ def open_source(args: argparse.Namespace) -> DriveSource:
     """
     recording = _recording(args)
     if recording is None:
-        session, ground_z = open_drive(args)
+        session, ground_z, _ = open_drive(args)
         if not args.odometry:
             if args.every > 1:
                 raise ConfigError(
@@ -49,7 +49,7 @@ def open_source(args: argparse.Namespace) -> DriveSource:
             return DriveSource(session, ground_z)
         own = session.poses[:: args.every]
         return DriveSource(recorded_session(session, args.every), ground_z, own)
-    return DriveSource(recording, ground_in(recording, args.ground_z))
+    return DriveSource(recording, ground_in(recording, args.ground_z)[0])
 
 
 def _recording(args: argparse.Namespace) -> Recording | None:

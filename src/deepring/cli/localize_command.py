@@ -51,6 +51,8 @@ def localize_command(args: argparse.Namespace) -> None:
     place_map = Map.open(args.map, check=not args.unchecked)
     if args.refine:
         _expect_refinable(place_map, args.map)
+    for doubt in place_map.doubts:
+        warn(f"{args.map}: built from doubtful data: {doubt}")
     failures: list[str] = []
     shown = ShownScans(args, place_map)
     with progress_bar("locating") as bar:

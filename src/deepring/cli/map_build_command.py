@@ -35,6 +35,9 @@ from deepring.search.search_settings import SearchSettings
 _OF_CLOUDS = ("path", "height", "fov")
 _OF_DRIVES = ("format", "session", "ground_z", "poses", "topic")
 
+#: Share of the scans of a bag or a folder without a pose, beyond which the poses are no ones of it.
+MOST_WITHOUT_POSE = 0.5
+
 #: Heights of the ground in the scans of two drives that count as one, metres.
 _SAME_GROUND = 0.3
 
@@ -49,6 +52,8 @@ class Drive(NamedTuple):
     """(n, 3) positions, metres."""
     add: Callable[[Map, float, Progress, LeftOut], None]
     """Adds its places, so many metres apart, to a map."""
+    doubts: tuple[str, ...]
+    """What is doubtful about it."""
 
 
 class Built(NamedTuple):
@@ -119,12 +124,20 @@ def _map_of_drives(args: argparse.Namespace) -> Built:
         with progress_bar(f"{drive.name}: describing places") as bar:
             drive.add(place_map, spacing, bar, left_out)
         warn(str(left_out))
+        if left_out.without_pose > MOST_WITHOUT_POSE * left_out.total:
+            raise DataError(
+                f"{drive.name}: {left_out.without_pose} of {left_out.total} scans have no pose "
+                f"within {TOLERANCE_S:g} s before and after them, expected most to have one; check "
+                "the clock of the poses, and how often they come",
+                argument="poses",
+            )
         if left_out.without_pose:
             warn(
                 f"{drive.name}: {left_out.without_pose} of {left_out.total} scans have no "
                 f"pose within {TOLERANCE_S:g} s before and after them"
             )
         reasons += left_out.reasons
+    place_map.doubts = tuple(doubt for drive in drives for doubt in drive.doubts)
     names = ", ".join(drive.name for drive in drives)
     place_map.source = f"drive {names}" if len(drives) == 1 else f"drives {names}"
     return Built(place_map, [drive.path for drive in drives], reasons)
@@ -149,7 +162,8 @@ def _drives(args: argparse.Namespace) -> list[Drive]:
     drives = []
     for root in args.roots:
         if root in poses:
-            drives.append(_recorded(root, poses[root], args))
+            trajectory, doubts = poses[root]
+            drives.append(_recorded(root, trajectory, doubts, args))
             continue
         for session in sessions:
             one = argparse.Namespace(**{**vars(args), "root": root, "session": session})
@@ -165,35 +179,44 @@ def _expect_once(roots: Sequence[Path], sessions: Sequence[str]) -> None:
             raise ConfigError(f"{what}: {twice} is given twice, expected each drive once")
 
 
-def _poses(recordings: Sequence[Path], files: Sequence[Path]) -> list[Trajectory]:
+def _poses(
+    recordings: Sequence[Path], files: Sequence[Path]
+) -> list[tuple[Trajectory, tuple[str, ...]]]:
+    """The poses of each bag and folder of scans, and what is doubtful about them."""
     if len(files) != len(recordings):
         named = ", ".join(str(root) for root in recordings) or "none"
         raise ConfigError(
             f"--poses: {len(files)} files, expected one for each bag or folder of scans, in their "
-            f"order ({named}); `deepring loops` finds the poses of a bag that has none"
+            f"order ({named}); datasets and a drive.yaml name their own poses, and `deepring "
+            "loops` finds those of a bag that has none"
         )
-    trajectories = [read_tum(file) for file in files]
-    for file, trajectory in zip(files, trajectories, strict=True):
-        for finding in expect_drive(file, trajectory):
-            warn(f"{file}: {finding}")
-    return trajectories
+    found = []
+    for file in files:
+        trajectory = read_tum(file)
+        doubts = tuple(f"{file}: {finding}" for finding in expect_drive(file, trajectory))
+        for doubt in doubts:
+            warn(doubt)
+        found.append((trajectory, doubts))
+    return found
 
 
-def _of_session(session: Session, ground_z: float) -> Drive:
+def _of_session(session: Session, ground_z: float, doubts: tuple[str, ...]) -> Drive:
     def add(to: Map, spacing: float, progress: Progress, left_out: LeftOut) -> None:
         add_session(to, session, spacing, progress, left_out)
 
-    return Drive(session.name, ground_z, session.poses[:, :3, 3], add)
+    return Drive(session.name, ground_z, session.poses[:, :3, 3], add, doubts)
 
 
-def _recorded(root: Path, poses: Trajectory, args: argparse.Namespace) -> Drive:
+def _recorded(
+    root: Path, poses: Trajectory, of_poses: tuple[str, ...], args: argparse.Namespace
+) -> Drive:
     recording = open_recording(root, args.topic, args.format)
-    ground_z = ground_in(recording, args.ground_z)
+    ground_z, of_scans = ground_in(recording, args.ground_z)
 
     def add(to: Map, spacing: float, progress: Progress, left_out: LeftOut) -> None:
         add_recording(to, recording, poses, spacing, progress, left_out)
 
-    return Drive(recording.name, ground_z, poses.poses[:, :3, 3], add)
+    return Drive(recording.name, ground_z, poses.poses[:, :3, 3], add, of_poses + of_scans)
 
 
 def _common_ground(drives: Sequence[Drive]) -> float:

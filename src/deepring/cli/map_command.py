@@ -37,7 +37,7 @@ def calibrate_map(args: argparse.Namespace) -> None:
     fraction("precision", args.precision)  # before the drive is located, which takes minutes
     tolerance = Tolerance(metres=args.within)
     place_map = Map.open(args.map, check=True)
-    session, ground_z = open_drive(args)
+    session, ground_z, _ = open_drive(args)
     left_out = LeftOut()
 
     def locate(k: int) -> Location:

@@ -17,6 +17,8 @@ def map_facts(path: Path, place_map: Map) -> Iterator[tuple[str, str]]:
     yield "map", f"{path}, {path.stat().st_size / 1e6:.1f} MB"
     if place_map.source:
         yield "built from", printable(place_map.source)
+    for doubt in place_map.doubts:
+        yield "doubtful", printable(doubt)
     yield "places", str(len(place_map))
     if len(place_map):
         width, depth = _extent(place_map)
@@ -37,6 +39,7 @@ def map_content(path: Path, place_map: Map) -> dict[str, Any]:
         "map": path,
         "bytes": path.stat().st_size,
         "built_from": place_map.source,
+        "doubts": list(place_map.doubts),
         "places": len(place_map),
         "extent_m": list(_extent(place_map)) if len(place_map) else None,
         "points": None if place_map.points is None else place_map.points.count,

@@ -100,8 +100,8 @@ def add_output(parser: Parser, metavar: str, help: str, required: bool = True) -
     parser.add_argument("-o", "--output", type=Path, metavar=metavar, required=required, help=help)
 
 
-def open_drive(args: argparse.Namespace) -> "tuple[Session, float]":
-    """The drive that `add_drive`'s options name, and z of the ground in its scans' frame.
+def open_drive(args: argparse.Namespace) -> "tuple[Session, float, tuple[str, ...]]":
+    """The drive that `add_drive`'s options name, z of the ground in its scans' frame, and doubts.
 
     Warns of what is left out and of what is doubtful. Raises DataError for an unusable drive.
     """
@@ -112,13 +112,14 @@ def open_drive(args: argparse.Namespace) -> "tuple[Session, float]":
     session = open_session(format, args.root, args.session)
     say_skipped(session)
     ground_z = ground_of(session, format) if args.ground_z is None else args.ground_z
-    for finding in expect_usable(session, ground_z):
-        warn(f"session {session.name}: {finding}")
-    return session, ground_z
+    doubts = tuple(f"session {session.name}: {one}" for one in expect_usable(session, ground_z))
+    for doubt in doubts:
+        warn(doubt)
+    return session, ground_z, doubts
 
 
-def ground_in(recording: "Recording", ground_z: float | None) -> float:
-    """z of the ground in the scans of a recording, as the option says it or the scans show it.
+def ground_in(recording: "Recording", ground_z: float | None) -> "tuple[float, tuple[str, ...]]":
+    """z of the ground in the scans of a recording, as given or as the scans show it, and doubts.
 
     Warns of what is left out and of what is doubtful. Raises DataError for an unusable recording.
     """
@@ -126,9 +127,10 @@ def ground_in(recording: "Recording", ground_z: float | None) -> float:
 
     say_skipped(recording)
     ground_z, findings = inspect_recording(recording, ground_z)
-    for finding in findings:
-        warn(f"session {recording.name}: {finding}")
-    return ground_z
+    doubts = tuple(f"session {recording.name}: {one}" for one in findings)
+    for doubt in doubts:
+        warn(doubt)
+    return ground_z, doubts
 
 
 def network_of(checkpoint: str) -> "DeepRing":

@@ -19,7 +19,7 @@ from deepring.evaluation.results import Result, write_results
 from deepring.evaluation.scoring import FOLDER as DESCRIPTORS
 from deepring.evaluation.task import RetrievalTask, load_task
 from deepring.experiment.config import EvaluationSettings
-from deepring.experiment.hyperparameters import hyperparameters
+from deepring.experiment.hyperparameters import INTEREST, hyperparameters
 from deepring.experiment.pictures import evaluation_figures
 from deepring.experiment.plan import Plan
 from deepring.experiment.projector import project
@@ -30,7 +30,7 @@ from deepring.progress import progress_bar
 from deepring.rasters import BevRaster, Raster
 from deepring.reports.pose_errors_table import markdown_poses
 from deepring.reports.results_table import markdown, markdown_radii
-from deepring.reports.style import save
+from deepring.reports.style import png
 from deepring.reports.tensorboard_events import write_events
 
 log = logging.getLogger(__name__)
@@ -136,11 +136,12 @@ def _show(plan: Plan, folder: Path, outcomes: list[tuple[RetrievalSet, list[Outc
         prefix = f"{in_file_names(split.name)}_{split.region}/" if len(outcomes) > 1 else ""
         pictures = evaluation_figures(of, split, plan.network, plan.evaluation.counted_over)
         figures |= {prefix + name: figure for name, figure in pictures.items()}
-    for name, figure in figures.items():
-        save(figure, folder / "figures" / f"{name}.png")
+    drawn = {name: png(figure) for name, figure in figures.items()}
+    for name, picture in drawn.items():
+        write_whole(folder / "figures" / f"{name}.png", [picture])
     events = folder / "tensorboard"
     every_outcome = [outcome for _, of in outcomes for outcome in of]
-    write_events(events, every_outcome, figures, hyperparameters(plan.record))
+    write_events(events, every_outcome, drawn, hyperparameters(plan.record), INTEREST)
     learned = [(split, outcome) for split, of in outcomes for outcome in of if outcome.case.train]
     if plan.network is not None and learned:
         split, outcome = learned[0]

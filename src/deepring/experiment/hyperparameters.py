@@ -1,5 +1,6 @@
 """Hyperparameters of a run for TensorBoard's HPARAMS page."""
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -8,26 +9,36 @@ from deepring.paper.paper_values import AGGREGATIONS, INPUTS, LOSSES
 
 Value = bool | str | float | int
 
+#: What one compares runs by, and its type; the page shows the first five.
+INTEREST: dict[str, type] = {
+    **{"method": str, "loss": str, "ways": float, "seed": float, "data": str, "lr": float},
+    **{"encoder": str, "input": str, "aggregation": str, "similarity": str, "polar": str},
+    **{"shots": float, "queries": float},
+}
+
+#: Keys that `INTEREST` has under a shorter name, and names that change nothing.
+_SAID = re.compile(
+    r"method\.(_target_|label|note)|loss\._target_|optimizer\.lr|sampling\.(ways|shots|queries)"
+)
+
 
 def hyperparameters(record: Mapping[str, Any]) -> dict[str, Value]:
-    """The values that sweeps vary, under the names of the tables, and the rest under ``more.``.
+    """The values that sweeps vary (`INTEREST`), under the names of the tables.
 
-    The page sorts its columns by name and shows the first five: aggregation, data, encoder,
-    input and loss; for methods other than DeepRING data, loss, lr, method and seed.
+    The rest of what a training depends on is under ``more.``. What a run that learns nothing has as
+    ``data`` is what it was tested on.
 
     Args:
         record: the config of the run, as its ``config.yaml`` holds it.
     """
     method, loss, optimizer = (record[key] or {} for key in ("method", "loss", "optimizer"))
     loss_class = str(loss.get("_target_")).rpartition(".")[2]
-    training_data = [node["name"] for node in record["train_data"].values()] or [
-        record["data"]["name"]
-    ]
+    datasets = record["train_data"] or record["test_data"] or {"": record["data"]}
     short: dict[str, Value] = {
-        "data": "+".join(training_data),
-        "loss": LOSSES.get(loss_class, loss_class),
-        "lr": optimizer.get("lr", 0.0),
-        "method": str(method.get("_target_")).rpartition(".")[2],
+        "data": "+".join(node["name"] for node in datasets.values()),
+        **({"loss": LOSSES.get(loss_class, loss_class)} if loss else {}),
+        **({"lr": optimizer["lr"]} if "lr" in optimizer else {}),
+        "method": method.get("label") or str(method.get("_target_")).rpartition(".")[2],
         "seed": record["seed"],
         **_of_deepring(method),
         **_of_episodes(record["sampling"] or {}),
@@ -37,6 +48,7 @@ def hyperparameters(record: Mapping[str, Any]) -> dict[str, Value]:
     return short | {
         f"more.{key}": value if isinstance(value, Value) else str(value)
         for key, value in rest.items()
+        if not _SAID.fullmatch(key)
     }
 
 

@@ -159,7 +159,7 @@ def _log_settings(
     preprocessing.
     """
     if node is None or network.settings != build.network_settings(node):
-        log.info("the network is as its checkpoint states: %s", network.settings.to_dict())
+        log.info("the network has the settings of its checkpoint, not the config's")
     of_network = network.settings.to_dict()["raster"]["preprocessing"]
     of_config = Preprocessing(**preprocessing)
     if Preprocessing(**of_network) != of_config:

@@ -143,10 +143,12 @@ def calibrate(
             most = int(good[cuts[-1]])
             thresholds = AcceptanceThresholds(float(fit), float(ratios[cuts[-1]]))
     if thresholds is None:
+        right = int(correct.sum())
         raise DataError(
-            f"precision: {precision:g} is reached by no thresholds: {int(correct.sum())} of "
-            f"{len(correct)} scans are located within {tolerance.metres:g} m and "
-            f"{tolerance.degrees:g}°; take more scans, a denser map, or a lower precision"
+            f"precision: {precision:g} is reached by no thresholds: {right} of {len(correct)} "
+            f"scans are located within {tolerance.metres:g} m and {tolerance.degrees:g}°, which "
+            f"shows at most a precision of {right / (right + 1):.3f}; take more scans, a denser "
+            "map, or a lower precision"
         )
     return evaluate_thresholds(trials, thresholds, tolerance)
 

@@ -90,6 +90,8 @@ class Map:
         self.points = PlacePoints() if points else None
         self.source = ""
         """What the places were built from, in words; empty if nobody says."""
+        self.doubts: tuple[str, ...] = ()
+        """What was doubtful about that, in words, such as poses that scans contradict."""
 
     def __len__(self) -> int:
         return len(self.places)
@@ -257,6 +259,7 @@ class Map:
             shape=self.index.shape,
             names=tuple(self.places.names),
             source=self.source,
+            doubts=self.doubts,
         )
         write_sealed(path, FORMAT, header, tensors)
 
@@ -276,7 +279,7 @@ class Map:
             settings = (header.search, header.rerank, header.thresholds)
             place_map = cls(network, header.ground_z, *settings)
             expect_fitting(network, header)
-            place_map.source = header.source
+            place_map.source, place_map.doubts = header.source, header.doubts
             place_map.places.restore(tensors["images"], tensors["poses"], header.names)
             place_map.points = PlacePoints.restored(tensors, len(place_map))
             rows, code = under("index.", tensors), under("code.", tensors)

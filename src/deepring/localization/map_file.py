@@ -39,6 +39,8 @@ class MapHeader:
     names: tuple[str, ...]
     source: str
     """What the places were built from, in words."""
+    doubts: tuple[str, ...]
+    """What was doubtful about that, in words."""
 
     def __post_init__(self) -> None:
         checks.between("ground_z", self.ground_z, -1e6, 1e6, "metres")
@@ -63,7 +65,7 @@ TENSORS: TensorTypes = {
 
 FORMAT = SealedFormat(
     "map",
-    4,
+    5,
     MapHeader,
     TENSORS,
     description="a map as `deepring map build` writes it",

@@ -108,6 +108,7 @@ def merged(
     both = Map(
         first.network, first.ground_z, first.index.settings, first.rerank, first.thresholds, points
     )
+    both.doubts = tuple(dict.fromkeys((*first.doubts, *second.doubts)))
     sources = ((first, np.eye(4), ""), (second, frame.pose, prefix))
     total = len(first) + len(second)
     for source, pose, before in sources:

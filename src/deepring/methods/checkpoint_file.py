@@ -4,6 +4,7 @@ A pickle is a program. torch's reader runs a small part of that language, and no
 before it sees one, the file is checked for what that reader does not check.
 """
 
+import codecs
 import pickletools
 import warnings
 import zipfile
@@ -57,9 +58,10 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what is loaded is checked
-            _check_parts(path)
+            held = _check_parts(path)
+            torch.serialization.add_safe_globals([set, codecs.encode])  # unknown to torch 2.4
             state = torch.load(path, map_location="cpu", weights_only=True)
-        _check_state(state, path.stat().st_size)
+        _check_state(state, path.stat().st_size, held)
     except Exception as error:  # damaged files and other ones fail in many ways
         raise FileError(
             f"checkpoint {path}: is no whole checkpoint of this version: another file, or cut "
@@ -69,8 +71,11 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     return whole
 
 
-def _check_parts(path: Path) -> None:
-    """Raise an exception unless the zip is whole, and its parts are as large as they say."""
+def _check_parts(path: Path) -> int:
+    """Raise an exception unless the zip is whole, and its parts are as large as they say.
+
+    Returns the bytes of those that hold numbers.
+    """
     with zipfile.ZipFile(path) as parts:
         entries = parts.infolist()
         names = [entry.filename for entry in entries]
@@ -82,6 +87,7 @@ def _check_parts(path: Path) -> None:
             raise _NotWholeError("altered")  # torch.load itself compares no checksums
         (pickle,) = (name for name in names if name.endswith("/data.pkl"))
         _check_pickle(parts.read(pickle))
+        return sum(entry.file_size for entry in entries if "/data/" in entry.filename)
 
 
 def _check_pickle(content: bytes) -> None:
@@ -96,8 +102,11 @@ def _check_pickle(content: bytes) -> None:
             raise _NotWholeError(str(argument))
 
 
-def _check_state(state: Any, size: int) -> None:
-    """Raise an exception unless the weights are tensors with as many bytes as the file at most."""
+def _check_state(state: Any, size: int, held: int) -> None:
+    """Raise an exception unless the weights are tensors with as many bytes as the file at most.
+
+    ``held`` are the bytes of its parts that hold numbers.
+    """
     if not isinstance(state, dict) or not isinstance(state.get("state_dict"), dict):
         raise _NotWholeError("no state_dict")
     tensors = state["state_dict"].values()
@@ -105,3 +114,6 @@ def _check_state(state: Any, size: int) -> None:
         raise _NotWholeError("a state_dict of other values")
     if sum(tensor.numel() * tensor.element_size() for tensor in tensors) > size:
         raise _NotWholeError("tensors larger than the file")
+    storages = {one.data_ptr(): one.nbytes() for one in map(Tensor.untyped_storage, tensors)}
+    if sum(storages.values()) > held:
+        raise _NotWholeError("storages larger than their parts")  # torch 2.4 would enlarge them

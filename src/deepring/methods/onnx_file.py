@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from packaging.version import Version
 
 from deepring.errors import ConfigError
 from deepring.io.files import replacing
@@ -19,6 +20,9 @@ from deepring.methods.network_file import describe_network
 
 #: Of the operators used.
 OPSET = 18
+
+#: The first torch that exports batches of any size; 2.5 and 2.6 fail or crash.
+FIRST_TORCH = "2.7"
 
 _INSTALL = "pip install 'deepring[onnx]'"
 
@@ -29,8 +33,8 @@ def export_onnx(network: NetworkMethod, path: Path | str) -> None:
     Input 'images' (batch, *raster.shape) float32; output 'descriptors' (batch, ...) float32.
 
     Raises:
-        ConfigError: a network without an ONNX form, or with settings that it does not take; or
-            the package onnx is missing.
+        ConfigError: a network without an ONNX form, or with settings that it does not take; the
+            package onnx is missing, or torch is too old.
     """
     make_form = getattr(network, "onnx_form", None)
     if not callable(make_form):
@@ -42,9 +46,15 @@ def export_onnx(network: NetworkMethod, path: Path | str) -> None:
         import onnx
     except ImportError:
         raise ConfigError(f"onnx: the package onnx is not installed; {_INSTALL}") from None
+    if Version(torch.__version__) < Version(FIRST_TORCH):
+        raise ConfigError(
+            f"onnx: torch {torch.__version__} cannot export it, expected {FIRST_TORCH} or later; "
+            f"{_INSTALL}"
+        )
     form = make_form().eval()
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it misses torchvision; we do not
     example = torch.zeros(2, *network.raster.shape)
+    batch = torch.export.Dim("batch", min=1, max=2**31 - 1)  # torch 2.7 crashes without a maximum
     with replacing(path) as temporary, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the exporter about itself
         program = torch.onnx.export(
@@ -52,7 +62,7 @@ def export_onnx(network: NetworkMethod, path: Path | str) -> None:
             (example,),
             input_names=["images"],
             output_names=["descriptors"],
-            dynamic_shapes={"images": {0: torch.export.Dim("batch", min=1)}},
+            dynamic_shapes={"images": {0: batch}},
             opset_version=OPSET,
             dynamo=True,
             verbose=False,

@@ -34,13 +34,13 @@ def euclidean_clusters(
     >>> euclidean_clusters(points).tolist()
     [0, 0, 0, 1]
     """
-    from scipy.sparse import coo_array
+    from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
     exact = points.astype(np.float64)
     cell_of, means = _thinned(exact, tolerance, growth)
     links = _links(means, _tolerances(means, tolerance, growth), tolerance, growth)
-    graph = coo_array((np.ones(len(links), np.bool_), tuple(links.T)), shape=(len(means),) * 2)
+    graph = coo_matrix((np.ones(len(links), np.bool_), tuple(links.T)), shape=(len(means),) * 2)
     cluster = connected_components(graph, directed=False)[1][cell_of]
     _, first = np.unique(cluster, return_index=True)
     number = np.empty(len(first), dtype=np.int64)

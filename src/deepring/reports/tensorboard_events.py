@@ -6,24 +6,25 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from matplotlib.figure import Figure
+from tensorboard.compat.proto.summary_pb2 import Summary
 from torch import Tensor
 from torch.utils.tensorboard import SummaryWriter
 
 from deepring.evaluation.matches import TopMatches
 from deepring.evaluation.protocol import Outcome
-from deepring.reports.style import without_formulas
+from deepring.evaluation.reranked_labels import method_label
+from deepring.reports.hparams_events import Value, add_hparams
 
 #: Thresholds that TensorBoard's PR page draws.
 THRESHOLDS = 127
 
-#: The metrics of a result, with their names on the pages.
+#: The metrics of a result, with their names on the pages, those of most interest first.
 _METRICS = {
     "recall_1": "recall@1",
+    "auc": "auc",
+    "f1_max": "f1_max",
     "recall_5": "recall@5",
     "recall_1_percent": "recall@1%",
-    "f1_max": "f1_max",
-    "auc": "auc",
     "ap": "ap",
 }
 
@@ -48,32 +49,60 @@ class Projection(NamedTuple):
 def write_events(
     folder: Path,
     outcomes: list[Outcome],
-    figures: Mapping[str, Figure],
-    hyperparameters: Mapping[str, bool | str | float | int],
+    pictures: Mapping[str, bytes],
+    hyperparameters: Mapping[str, Value],
+    first: Mapping[str, type],
 ) -> None:
-    """Write metrics, PR curves, figures and hyperparameters of an evaluation.
+    """Write metrics, PR curves, pictures and hyperparameters of an evaluation.
 
-    The metrics beside the hyperparameters are those of the method that was trained, if there is
-    one: the others do not depend on them. The keys of ``figures`` are the names of their files.
-    ``folder`` is the run's TensorBoard folder.
+    The metrics beside the hyperparameters are those of the method that was trained, or else of the
+    first: the others do not depend on them. ``pictures`` are PNG files, by their names.
+    ``folder`` is the run's TensorBoard folder; ``first`` is that of `add_hparams`.
     """
-    trained = [outcome for outcome in outcomes if outcome.case.train]
     with SummaryWriter(str(folder), flush_secs=FLUSH_SECONDS) as writer:
-        final_metrics: dict[str, float] = {}
         for outcome in outcomes:
             head, case = outcome.results[0], outcome.case
             place = f"{case.test}/{case.region}"
             for metric, name in _METRICS.items():
-                tag, value = f"test/{place}/{name}/{case.method}", getattr(head, metric)
-                if outcome in (trained or outcomes):
-                    final_metrics[tag] = value
-                else:
-                    writer.add_scalar(tag, value)
+                writer.add_scalar(f"test/{place}/{name}/{case.method}", getattr(head, metric))
             tag = f"test/{place}/{case.method}"
             add_pr_curve(writer, tag, outcome.matches, head.radius_m, head.wrong_beyond_m)
-        for name, figure in figures.items():
-            writer.add_figure(picture_tag(name), without_formulas(figure), close=False)
-        writer.add_hparams(dict(hyperparameters), final_metrics, run_name=".")
+        for name, picture in pictures.items():
+            _add_png(writer, picture_tag(name), picture)
+        add_hparams(writer, hyperparameters, first, own_figures(outcomes))
+
+
+def own_figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
+    """The figures of a run's own method by name, such as "recall@1, town test".
+
+    Names are the same whatever the method, so that runs of several compare. Those of all tests
+    come before those with candidates aligned.
+    """
+    trained = [outcome for outcome in outcomes if outcome.case.train]
+    label = method_label((trained or outcomes)[0].case.method) if outcomes else ""
+    own = [o for o in trained or outcomes if method_label(o.case.method) == label]
+    further = [outcome.case.method.removeprefix(label) for outcome in own]
+    return {
+        f"{name}, {outcome.case.place}{beyond}": getattr(outcome.results[0], metric)
+        for kind in dict.fromkeys(sorted(further, key=len))
+        for metric, name in _METRICS.items()
+        for outcome, beyond in zip(own, further, strict=True)
+        if beyond == kind
+    }
+
+
+def _add_png(writer: SummaryWriter, tag: str, picture: bytes) -> None:
+    """Add a PNG file as it is; ``add_figure`` would draw it anew."""
+    width, height = (int.from_bytes(picture[k : k + 4], "big") for k in (16, 20))  # its header
+    image = Summary.Image(
+        height=height, width=width, colorspace=_RGBA, encoded_image_string=picture
+    )
+    summary = Summary(value=[Summary.Value(tag=tag, image=image)])
+    writer.file_writer.add_summary(summary)  # type: ignore[attr-defined]  # typed as None
+
+
+#: TensorBoard's number for red, green, blue and opacity.
+_RGBA = 4
 
 
 def picture_tag(name: str) -> str:

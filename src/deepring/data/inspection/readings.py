@@ -13,6 +13,7 @@ from deepring.data.inspection.figures import ScanFigures, measure_scan
 from deepring.data.inspection.scans import figure_findings, shows_ground
 from deepring.data.readers import binary_formats
 from deepring.data.readers.reader import BinaryScans
+from deepring.data.scans.names import ending_of
 from deepring.errors import DeepringError
 
 Coordinates = NDArray[np.floating]
@@ -117,6 +118,31 @@ def other_record(
             return reading
         without_ground = without_ground or reading
     return without_ground
+
+
+def intensity_first(files: Sequence[Path], ground_z: float, turn: Coordinates) -> Reading | None:
+    """The columns intensity, x, y, z, if most of the .bin and .npy files are plausible so, or None.
+
+    The files can be read as they are. ``turn`` (3, 3) turns their axes to z up.
+    """
+    scans = [rows[:, 1:4] @ turn for file in files if (rows := _four_columns(file)) is not None]
+    if not scans or not most_plausible(scans, ground_z):
+        return None
+    return Reading(
+        "points with x, y and z in the second to fourth column",
+        "write x, y and z into the first three columns, the intensity after them",
+    )
+
+
+def _four_columns(file: Path) -> Coordinates | None:
+    """The values (n, 4) of float32 records, or of an array that has so many columns."""
+    if ending_of(file) == ".bin":
+        content = file.read_bytes()
+        return None if len(content) % 16 else np.frombuffer(content, "<f4").reshape(-1, 4)
+    if ending_of(file) != ".npy":
+        return None
+    array = np.load(file, allow_pickle=False)
+    return np.asarray(array, dtype=np.float64) if array.ndim == 2 and array.shape[1] == 4 else None
 
 
 def _figures_of(read: "_Read", files: Sequence[Path]) -> list[ScanFigures]:

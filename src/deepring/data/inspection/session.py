@@ -87,8 +87,9 @@ def file_findings(session: Session, unreadable: tuple[str, ...] = ()) -> list[Fi
     findings = []
     if broken:
         found = f"{len(broken)} of {total} cannot be read, the first {broken[0]}"
-        advice = "they are left out: fetch or unpack them again"
         many = len(broken) > max(1, MOST * total) or len(broken) == total
+        again = "fetch or unpack them again"
+        advice = f"check how they were written, or {again}" if many else f"left out: {again}"
         findings.append(Finding("files", found, advice, unusable=many))
     without = session.skipped.without_pose
     if 0 < without <= MOST_WITHOUT_POSE * (len(session) + without):  # more are found with the poses

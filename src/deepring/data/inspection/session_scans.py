@@ -13,6 +13,7 @@ from deepring.data.inspection.finding import Finding
 from deepring.data.inspection.readings import (
     UNITS,
     Reading,
+    intensity_first,
     most_plausible,
     other_axes,
     other_record,
@@ -30,7 +31,7 @@ _TRIED = 3
 #: Share of the scans that show the ground, from which their median is taken for the drive's.
 LEAST_SHOWING = 0.25
 #: Share of the median number of points, below and above which a scan is not like the others.
-FEW_POINTS, MANY_POINTS = 0.1, 4.0
+FEW_POINTS, MANY_POINTS = 0.2, 4.0
 #: Metres that positions vary, from which it can be seen whether the points move along.
 LEAST_MOTION = 20.0
 #: Share of equal neighbours, from which scans cannot be used.
@@ -118,8 +119,9 @@ def _explained(
     if not (doubtful or tilted or floating):
         return findings
     scans = [records_of(session, k) for k in tried]
-    reading = None
-    if any(finding.unusable for finding in doubtful):
+    with np.errstate(invalid="ignore", over="ignore"):
+        reading = _intensity_first(session, tried, ground_z)
+    if reading is None and any(finding.unusable for finding in doubtful):
         reading = _other_record(session, tried, ground_z)
     with np.errstate(invalid="ignore", over="ignore"):
         reading = reading or other_axes(scans, ground_z)
@@ -155,6 +157,11 @@ def _other_record(session: Session, tried: list[int], ground_z: float) -> Readin
     if format is None or not files:
         return None
     return other_record(files, format, ground_z, turn)
+
+
+def _intensity_first(session: Session, tried: list[int], ground_z: float) -> Reading | None:
+    turn = UP[session.read.up].T if isinstance(session.read, CustomScans) else np.eye(3)
+    return intensity_first([Path(session.files[k]) for k in tried], ground_z, turn)
 
 
 def _in_sensor_frame(
@@ -199,7 +206,7 @@ def _counts(
     if not odd:
         return []
     found = (
-        f"{len(odd)} of {len(figures)} have less than a tenth or more than four times the usual "
+        f"{len(odd)} of {len(figures)} have less than a fifth or more than four times the usual "
         f"{usual.points:.0f} points, the first {session.files[odd[0]]} with "
         f"{figures[odd[0]].points:.0f}"
     )
