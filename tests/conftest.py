@@ -23,7 +23,7 @@ def pytest_collection_finish() -> None:
     """Leave a million objects that stay to the end out of every later search for garbage."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(50_000, 10, 10)
+    gc.set_threshold(10_000, 10, 10)
     gc.enable()
 
 

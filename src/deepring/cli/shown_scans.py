@@ -2,11 +2,13 @@
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 
 from numpy.typing import NDArray
 
 from deepring.cli.looking import is_shown, is_viewed, show_scene, write_page
 from deepring.data.packed_rasters import pack
+from deepring.data.poses.stamps import stamps_in_names
 from deepring.data.session import Points
 from deepring.localization.location import Location
 from deepring.localization.map import Map
@@ -39,7 +41,8 @@ class ShownScans:
         """Keep one scan."""
         if not is_shown(self.args):
             return
-        if stamp is not None and str(stamp) not in name:
+        named = stamps_in_names([Path(name)])
+        if stamp is not None and (named is None or named[0] != stamp):
             name = f"{name} {stamp}"
         image = pack(seen.images[0], self.place_map.raster)
         thinned = thinned_points(scan_points(name, points)) if is_viewed(self.args) else None
