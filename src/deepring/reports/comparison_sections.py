@@ -1,7 +1,7 @@
 """The parts of a page that set methods side by side: the best, intervals, curves and pairs."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from deepring.reports import html, marks
@@ -83,19 +83,27 @@ def side_by_side(
 
 
 def curves(regions: Sequence[RegionResults], kinds: Kinds) -> Iterator[str]:
-    """A row of small plots of each kind, one plot a region."""
+    """A row of small plots of each kind, one plot a region; of one region, a row of all kinds."""
     drawn = [_without_reranked(region) for region in regions]
     if any(len(a.methods) < len(b.methods) for a, b in zip(drawn, regions, strict=True)):
         yield html.soft("Curves of re-ranked methods are left out where there are many lines.")
+    if len(drawn) == 1:
+        plots = (
+            f"<h3>{escaped(family.title)}</h3>{plot}{html.soft(family.explained)}"
+            for family in families(drawn, kinds)
+            for plot in family.plots.values()
+        )
+        yield _row(legend(drawn, kinds), plots)
+        return
     for family in families(drawn, kinds):
-        plots = "\n".join(
-            f"<div><b>{escaped(title)}</b>{plot}</div>" for title, plot in family.plots.items()
-        )
-        yield (
-            f"<figure><h3>{escaped(family.title)}</h3>\n{legend(drawn, kinds)}\n"
-            f'<div class="plots row">\n{plots}\n</div>\n'
-            f"<figcaption>{escaped(family.explained)}</figcaption></figure>"
-        )
+        plots = (f"<b>{escaped(title)}</b>{plot}" for title, plot in family.plots.items())
+        head = f"<h3>{escaped(family.title)}</h3>\n{legend(drawn, kinds)}"
+        yield _row(head, plots, f"<figcaption>{escaped(family.explained)}</figcaption>")
+
+
+def _row(head: str, plots: Iterable[str], below: str = "") -> str:
+    each = "\n".join(f"<div>{plot}</div>" for plot in plots)
+    return f'<figure>{head}\n<div class="plots row">\n{each}\n</div>\n{below}</figure>'
 
 
 def _without_reranked(region: RegionResults) -> RegionResults:
