@@ -9,6 +9,7 @@ import torch
 from deepring.core.rigid import turn_points
 from deepring.data.cache import RasterCache
 from deepring.data.scan_set import ScanSet
+from deepring.data.scans.npy import read_npy
 from deepring.data.session import Session
 from deepring.nn.representation import make_representation
 from deepring.rasters import RASTERS, Preprocessing, make_raster, raster_settings
@@ -41,7 +42,7 @@ def drive(tmp_path):
         np.save(files[-1], scattered(0) - np.float32([k, 0, 0]))
     poses = np.tile(np.eye(4), (4, 1, 1))
     poses[:, 0, 3] = range(4)
-    return Session("drive", tuple(files), poses, poses[:, :2, 3], None, np.load)
+    return Session("drive", tuple(files), poses, poses[:, :2, 3], None, read_npy)
 
 
 def test_the_method_of_the_docs_finds_each_scan_again(drive, tmp_path):

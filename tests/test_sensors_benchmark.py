@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from deepring.data.scan_set import ScanSet
+from deepring.data.scans.npy import read_npy
 from deepring.data.session import Session
 from deepring.errors import ConfigError
 from deepring.methods.ring import Ring
@@ -50,7 +51,7 @@ def test_each_pair_of_sensors_has_a_recall_with_its_interval(sensors, tmp_path, 
 def test_a_query_without_a_descriptor_is_a_miss_and_one_without_a_place_no_query(sensors):
     poses = np.tile(np.eye(4), (4, 1, 1))
     poses[:, 0, 3] = 0.0, 30.0, 60.0, 200.0
-    session = Session("drive", tuple(map(Path, "abcd")), poses, poses[:, :2, 3], None, np.load)
+    session = Session("drive", tuple(map(Path, "abcd")), poses, poses[:, :2, 3], None, read_npy)
     places, queries = (sensors.Side.__new__(sensors.Side) for _ in range(2))
     places.scans, queries.scans = ScanSet(session, np.arange(3)), ScanSet(session, np.arange(4))
     descriptors = torch.randn(3, 120, 61, generator=torch.Generator().manual_seed(0))

@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import signal
 import sqlite3
+import threading
 import time
 from dataclasses import dataclass, fields, replace
 from functools import partial
@@ -39,12 +40,16 @@ from deepring.testing import with_columns
 SMALL = BevRaster(cells=24)
 reads: list[Path] = []
 
+#: Threads that parse headers at once may fail in CPython 3.11 (python/cpython#106905).
+_PARSING = threading.Lock()
+
 
 def read_npy(path):
     """Points of a file; it notes that it was asked."""
     reads.append(path)
     try:
-        return np.load(path)
+        with _PARSING:
+            return np.load(path)
     except (OSError, ValueError, EOFError) as error:
         raise BrokenScanError(f"{path}: {error}") from None
 

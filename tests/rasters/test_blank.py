@@ -5,6 +5,7 @@ import pytest
 
 from deepring.data.cache import RasterCache, load_rasters
 from deepring.data.scan_set import ScanSet
+from deepring.data.scans.npy import read_npy
 from deepring.data.session import Session
 from deepring.errors import BrokenScanError, DataError
 from deepring.localization.map import Map
@@ -75,7 +76,7 @@ def session(folder, clouds):
         files.append(folder / f"{k}.npy")
         np.save(files[-1], points)
     poses = np.tile(np.eye(4), (len(files), 1, 1))
-    return Session("s", tuple(files), poses, poses[:, :2, 3].copy(), None, np.load)
+    return Session("s", tuple(files), poses, poses[:, :2, 3].copy(), None, read_npy)
 
 
 @pytest.mark.parametrize("kind", ["bev", "polar", "voxels"])
