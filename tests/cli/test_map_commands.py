@@ -554,6 +554,8 @@ def test_scans_of_a_dataset_are_located_beside_their_poses(place_map, second, ti
     rows = [json.loads(line) for line in done.stdout.splitlines()]
     assert [Path(row["scan"]) for row in rows] == list(second.files[::9])
     refused(here("localize", place_map, tiny_nclt), "2 sessions", "--session")
+    other = refused(here("localize", place_map, tiny_nclt, "--format", "mulran"), "use format nclt")
+    assert other.stderr.splitlines()[1].startswith("  <sequence>/")
 
 
 def test_of_a_folder_every_nth_scan_is_located(place_map, second, here):

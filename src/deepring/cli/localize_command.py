@@ -63,7 +63,7 @@ def localize_command(args: argparse.Namespace) -> None:
     elif rows or not failures:
         _PRINT[args.form](rows)
     for message in failures:
-        print(f"error: {printable(message)}", file=sys.stderr)
+        print(f"error: {message}", file=sys.stderr)
     if rows:
         shown.show(failures)
     if failures:
@@ -123,10 +123,11 @@ def _expect_refinable(place_map: Map, file: Path) -> None:
 
 
 def _with_scan(file: Path, stamp: int | None, message: str) -> str:
-    """The message with the scan's file and stamp."""
-    if str(file) in message:
+    """The message, which prints as it is, with the scan's file and stamp."""
+    name = printable(str(file))
+    if name in message:
         return message
-    return f"{file}: {message}" if stamp is None else f"{file} at {stamp} ns: {message}"
+    return f"{name}: {message}" if stamp is None else f"{name} at {stamp} ns: {message}"
 
 
 def print_table(rows: Sequence[Row]) -> None:
